@@ -9,7 +9,7 @@ from typing import Any
 
 GB = 1e9  # bytes
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
-UNLIMITED = 1 << 60  # bytes; what version 1 of control groups writes for no limit is beyond it
+UNLIMITED = 1 << 60  # bytes: what control groups of version 1 write for no limit is beyond it
 
 
 def available(proc: Path = Path("/proc"), groups: Path = CONTROL_GROUPS) -> int | None:

@@ -154,7 +154,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
 
 VERB = Verb(
     "adjust",
-    "adjust an image block with aerial control: integrated sensor orientation",
     EXAMPLE,
     add_arguments,
     run,

@@ -51,7 +51,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
 
 VERB = Verb(
     "camera",
-    "reads calibrated cameras of any program, compares them in pixels, and converts them",
     EXAMPLE,
     (CameraRequest,),
     run,

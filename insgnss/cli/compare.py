@@ -91,8 +91,6 @@ def _of_same(page: Path, inputs: Sequence[Path]) -> bool:
 
 VERB = Verb(
     "compare",
-    "differences of two exterior orientations or trajectories, and which mistaken convention"
-    " explains them",
     EXAMPLE,
     (Inputs, ComparisonOptions, Products),
     compare,

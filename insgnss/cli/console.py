@@ -5,22 +5,25 @@ nothing to switch off; the only control sequence is that of the line that renews
 """
 
 import argparse
+import json
 import math
 import os
 import re
 import shutil
+import sys
 import textwrap
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
 from ..base.errors import UsageError
+from ..base.files import json_ready
 from ..base.wording import duration
 
-LONG_STEP_S = 5.0  # a step of which more is to be expected says how far it is
-RENEWED_S = 0.2  # between two renewals of the line on a terminal
-MEASURED_S = 1.0  # that a speed is taken from
-REPEATED_S = 20.0  # between two plain lines about one step
+LONG_STEP_S = 5.0  # rest of a step (s): a longer one shows how far it is
+RENEWED_S = 0.2  # time between two renewals of a terminal's line (s): faster ones flicker
+MEASURED_S = 1.0  # time that a speed is taken from (s): a shorter one is a guess
+REPEATED_S = 20.0  # time between two plain lines about one step (s): logs stay short
 
 
 class Progress:
@@ -127,6 +130,22 @@ def fitted(text: str, width: int | None = None) -> str:
             line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
         )
     return "\n".join(out)
+
+
+def print_json(document: Any) -> None:
+    """Print a document as JSON on standard output."""
+    print(json.dumps(json_ready(document), indent=2, allow_nan=False))
+
+
+def report_error(line: str, code: int, as_json: bool) -> None:
+    """Print an error as one line on standard error; with `as_json` also as JSON.
+
+    The JSON document goes to standard output.
+    """
+    line = " ".join(line.split())
+    print(f"insgnss: {line}", file=sys.stderr)
+    if as_json:
+        print_json({"error": line.partition("error: ")[2], "exit_code": code})
 
 
 class Parser(argparse.ArgumentParser):

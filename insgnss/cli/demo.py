@@ -30,7 +30,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
 
 VERB = Verb(
     "demo",
-    "simulate a short flight, process it, print the errors against truth, leave the report",
     "  insgnss demo\n  insgnss demo my_demo --minutes 10 --seed 7",
     (DemoRequest,),
     run,

@@ -46,8 +46,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
 
 VERB = Verb(
     "doctor",
-    "versions, what is missing and what to do about it, and a self-test of the compiled core; for"
-    " reports of errors",
     EXAMPLE,
     (DoctorRequest,),
     run,

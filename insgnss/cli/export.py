@@ -401,7 +401,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
 
 VERB = Verb(
     "export",
-    "write the master exterior orientation in the format of a bundle adjustment",
     EXAMPLE,
     (ExportRequest, ImageMatch),
     run,

@@ -45,8 +45,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Judged:
 
 VERB = Verb(
     "inspect",
-    "say what a recording is: files, units, axes, clocks, noise, plausibility; and draft its flight"
-    " file",
     "  insgnss inspect ign8/flight.toml\n  insgnss inspect my_recording --write\n  insgnss inspect"
     " imu.csv gps.pos --write a.toml",
     (InspectRequest,),

@@ -15,6 +15,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from glob import glob
 from importlib import import_module
 from pathlib import Path
@@ -29,17 +30,42 @@ from ..base.inputs import reading
 from ..base.interrupts import Terminated, ignore_endings, raise_on_termination
 from ..base.memory import out_of_memory
 from ..base.received.trusted import trusting, words_as_paths
-from .console import Parser, Progress
-from .verb import report_error
+from .console import Parser, Progress, report_error
 
 INTERRUPTED = 130  # exit code: 128 and the number of SIGINT, as shells have it
 SHELLS = ("bash", "zsh", "fish", "powershell", "tcsh")
-VERBS = (
-    *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),
-    *("targets", "calibrate", "camera", "tune", "compare", "ppk", "figures", "report", "batch"),
-    *("archive", "doctor"),
-)
-"""The verbs, in the order of the help; each is the `VERB` of the module of its name."""
+VERBS = {
+    "demo": "simulate a short flight, process it, print the errors against truth, leave the report",
+    "simulate": "write a simulated data set in the published tree, with the truth beside it",
+    "inspect": "say what a recording is: files, units, axes, clocks, noise, plausibility; and"
+    " draft its flight file",
+    "process": "raw data in, exterior orientation, trajectory and report out",
+    "verify": "a part of a flight by the core and by a textbook implementation, and their largest"
+    " difference in sigmas; raw observations by two readers",
+    "export": "write the master exterior orientation in the format of a bundle adjustment",
+    "adjust": "adjust an image block with aerial control: integrated sensor orientation",
+    "targets": "find ground points in photographs: predicted with their covariance, measured to a"
+    " tenth of a pixel",
+    "calibrate": "estimate constants of the mounting (lever arm, each component with a verdict)"
+    " and of the IMU",
+    "camera": "reads calibrated cameras of any program, compares them in pixels, and converts them",
+    "tune": "a noise model, with its uncertainty, from static recordings of an IMU or from the"
+    " innovations of a flight",
+    "compare": "differences of two exterior orientations or trajectories, and which mistaken"
+    " convention explains them",
+    "ppk": "antenna positions with honest covariances from RINEX of rover and base, by RTKLIB",
+    "figures": "the charts of a page of insgnss as PDF, SVG or PNG, one file a chart",
+    "report": "a page of insgnss as PDF: the summary to hand over, with its appendix where asked"
+    " for",
+    "batch": "process the flights of a season side by side, skip what is done, and leave one table"
+    " and page",
+    "archive": "check that every result below a directory can be made again from its inputs, by"
+    " hashes and versions",
+    "doctor": "versions, what is missing and what to do about it, and a self-test of the compiled"
+    " core; for reports of errors",
+}
+"""What each verb does, in the order of the help. It is the `VERB` of the module of its name, which
+is imported when a command begins with it."""
 FOLDERS = {"batch": "season", "archive": "season", "figures": "pages", "report": "pages"}
 """Folders of verbs whose modules stand in one."""
 
@@ -70,7 +96,7 @@ def expanded(arguments: Sequence[str]) -> list[str]:
 
 def _run_verb(argv: Sequence[str], progress: Progress) -> int:
     try:
-        options = build_parser(next(iter(argv), "")).parse_args(argv)
+        options = build_parser().parse_args(argv)
     except SystemExit as request:  # --help and --version
         return int(request.code or 0)
     refuse_other_than_utf8([*argv, os.path.abspath(".")])
@@ -162,8 +188,7 @@ def _complete() -> None:
     """Answer a shell that asks, in its environment, how the words before the cursor go on."""
     import argcomplete
 
-    line = os.environ.get("COMP_LINE", "").split()
-    parser = build_parser(line[1] if len(line) > 1 else "")
+    parser = build_parser()
     todo: list[argparse.ArgumentParser] = [parser]
     while todo:  # a verb's arguments are added when it is first used
         each = todo.pop()
@@ -185,8 +210,8 @@ def _formats(**_: Any) -> list[str]:
     return sorted({*EXPORTS, *CONSUMER_FORMS})
 
 
-def build_parser(verb: str = "") -> Parser:
-    """Parser of one verb, whose modules alone are imported then, or of all of them."""
+def build_parser() -> Parser:
+    """Return the parser of the command line; a verb's module is imported when it is first used."""
     parser = Parser(
         prog="insgnss",
         description=(
@@ -207,7 +232,12 @@ def build_parser(verb: str = "") -> Parser:
     )
     shells.metavar = "SHELL"
     verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)
-    for name in (verb,) if verb in VERBS else VERBS:
-        module = f".{FOLDERS[name]}.{name}" if name in FOLDERS else f".{name}"
-        import_module(module, __package__).VERB.add_to(verbs)
+    for name, clause in VERBS.items():
+        verbs.add_parser(name, help=clause, later=partial(_declare, name))
     return parser
+
+
+def _declare(name: str, parser: Parser) -> None:
+    """Give the parser of a verb what the verb's module declares."""
+    module = f".{FOLDERS[name]}.{name}" if name in FOLDERS else f".{name}"
+    import_module(module, __package__).VERB.declare(parser, VERBS[name])

@@ -52,7 +52,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
 
 VERB = Verb(
     "process",
-    "raw data in, exterior orientation, trajectory and report out",
     "  insgnss process ign8/flight.toml --out results\n"
     "  insgnss process ign8/flight.toml --mounting adjusted/mounting.toml --out remounted",
     (ProcessRequest,),

@@ -13,8 +13,8 @@ from .verb import Message, Verb
 SURVEYS = ("ign8", "ign6x1")
 PUBLISHED_BLOCKS = ("block2015", "corridor2014", "mapkite")
 """Of benchmarks/published_blocks, which imports numpy."""
-IMU_RATE_HZ = 500.0  # of the simulated IMU, as the published flights have it
-VIBRATION = 1.0  # factor on a usual drone's vibration
+IMU_RATE_HZ = 500.0  # rate of the simulated IMU (Hz): that of the published flights
+VIBRATION = 1.0  # factor on a usual drone's vibration: one is usual
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,6 @@ def _published(options: argparse.Namespace, progress: Progress) -> Message:
 
 VERB = Verb(
     "simulate",
-    "write a simulated data set in the published tree, with the truth beside it",
     "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex"
     " --minutes 15 --raw-gnss\n  insgnss simulate images --flight ign6x1 --block --gross-errors"
     " 0.01\n  insgnss simulate corridor --flight corridor2014 --seed 1",

@@ -92,8 +92,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
 
 VERB = Verb(
     "targets",
-    "find ground points in photographs: predicted with their covariance, measured to a tenth of a"
-    " pixel",
     EXAMPLE,
     add_arguments,
     run,

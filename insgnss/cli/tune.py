@@ -123,8 +123,6 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
 
 VERB = Verb(
     "tune",
-    "a noise model, with its uncertainty, from static recordings of an IMU or from the innovations"
-    " of a flight",
     EXAMPLE,
     add_arguments,
     tune,

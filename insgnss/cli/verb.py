@@ -1,7 +1,6 @@
 """What the verbs of the command line share: their declaration, and how a result is shown."""
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,9 +8,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..base.errors import InsgnssError
-from ..base.files import json_ready
 from ..flight.config.command_line import add_options, made_of
-from .console import Parser, Progress, fitted
+from .console import Parser, Progress, fitted, print_json, report_error
 
 
 class Result(Protocol):
@@ -57,8 +55,6 @@ class Verb:
     ----------
     name : str
         The word that a user types.
-    what : str
-        What it does, as a clause that begins in lower case.
     example : str
         Commands that work, one a line.
     arguments : tuple of type, or callable
@@ -73,25 +69,25 @@ class Verb:
     """
 
     name: str
-    what: str
     example: str
     arguments: tuple[type, ...] | Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace, Progress], Result | Judged] | None
     more_help: Callable[[], str] | None = None
 
-    def add_to(self, verbs: Any, below: bool = False) -> None:
-        """Add the parser of this verb to the sub-parsers `verbs`.
+    def declare(self, parser: Parser, clause: str, below: bool = False) -> None:
+        """Give a parser the help and the arguments of this verb.
 
-        Of a verb `below` another one, common options may stand before its name as well.
+        Parameters
+        ----------
+        parser : Parser
+            The parser that a command of this verb goes through.
+        clause : str
+            What the verb does, in words that begin in lower case.
+        below : bool
+            Whether it stands below another verb, before whose name common options may stand, too.
         """
-        parser: Parser = verbs.add_parser(
-            self.name,
-            help=self.what,
-            description=f"{self.what[0].upper()}{self.what[1:]}.",
-            epilog=f"example:\n{self.example}",
-            more_help=self.more_help,
-            later=self._add_arguments,
-        )
+        parser.description = f"{clause[0].upper()}{clause[1:]}."
+        parser.epilog, parser.more_help = f"example:\n{self.example}", self.more_help
         default = argparse.SUPPRESS if below else False
         for names, meaning in (
             (("--json",), "print the result as JSON"),
@@ -99,6 +95,10 @@ class Verb:
             (("--debug",), "print the traceback of an error"),
         ):
             parser.add_argument(*names, action="store_true", default=default, help=meaning)
+        if isinstance(self.arguments, tuple):
+            add_options(parser, self.arguments)
+        else:
+            self.arguments(parser)
         if self.run is not None:
             parser.set_defaults(run=self._checked_run)
 
@@ -109,13 +109,6 @@ class Verb:
             for record in options.records.values():
                 vars(options).update(vars(record))
         return _show(options, progress, self.run(options, progress)) if self.run else 0
-
-    def _add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Add the verb's own options to its parser."""
-        if isinstance(self.arguments, tuple):
-            add_options(parser, self.arguments)
-        else:
-            self.arguments(parser)
 
 
 def _show(options: argparse.Namespace, progress: Progress, result: Result | Judged) -> int:
@@ -137,19 +130,3 @@ def _show(options: argparse.Namespace, progress: Progress, result: Result | Judg
         return 0
     report_error(f"error: {error}", refusal.exit_code, as_json=False)
     return refusal.exit_code
-
-
-def print_json(document: Any) -> None:
-    """Print a document as JSON on standard output."""
-    print(json.dumps(json_ready(document), indent=2, allow_nan=False))
-
-
-def report_error(line: str, code: int, as_json: bool) -> None:
-    """Print an error as one line on standard error; with `as_json` also as JSON.
-
-    The JSON document goes to standard output.
-    """
-    line = " ".join(line.split())
-    print(f"insgnss: {line}", file=sys.stderr)
-    if as_json:
-        print_json({"error": line.partition("error: ")[2], "exit_code": code})

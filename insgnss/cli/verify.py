@@ -56,8 +56,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Judged:
 
 VERB = Verb(
     "verify",
-    "a part of a flight by the core and by a textbook implementation, and their largest difference"
-    " in sigmas; raw observations by two readers",
     EXAMPLE,
     (VerifyRequest,),
     run,

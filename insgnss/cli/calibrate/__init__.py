@@ -4,24 +4,44 @@
 """
 
 import argparse
+from functools import partial
 
 from ..console import Parser
 from ..verb import Verb
-from . import imu, mounting
 
-CALIBRATIONS: tuple[Verb, ...] = (imu.VERB, *mounting.MOUNTING_VERBS)
+CALIBRATIONS = {
+    "imu": "bias, scale factors and non-orthogonality of an IMU from a recording at rest in nine"
+    " positions and more",
+    "tripod": "lever arm from camera to antenna: camera poses by photogrammetry and pins by"
+    " tachymetry, of an aircraft on a tripod in several setups",
+    "similarity": "lever arm from camera to antenna: adjusted poses in any frame, antenna positions"
+    " at exposures and 0 and more ground points",
+    "materialise": "lever arm from camera to antenna: by targets on camera and receiver, as neither"
+    " centre can be touched",
+    "mounting": "lever arms, bore-sight and camera delay from one ordinary flight and the adjusted"
+    " poses of its images",
+}
+"""What each kind of calibration does, in the order of the help."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of calibration."""
     kinds = parser.add_subparsers(metavar="WHAT", required=True, dest="what", parser_class=Parser)
-    for kind in CALIBRATIONS:
-        kind.add_to(kinds, below=True)
+    for name, clause in CALIBRATIONS.items():
+        kinds.add_parser(name, help=clause, later=partial(_declare, name))
+
+
+def _declare(name: str, parser: Parser) -> None:
+    """Give the parser of a kind what its module declares."""
+    from . import imu, mounting
+
+    verbs = (imu.VERB, *mounting.MOUNTING_VERBS)
+    verb = next(each for each in verbs if each.name == name)
+    verb.declare(parser, CALIBRATIONS[name], below=True)
 
 
 VERB = Verb(
     "calibrate",
-    "estimate constants of the mounting (lever arm, each component with a verdict) and of the IMU",
     "  insgnss calibrate imu turned_by_hand.csv --latitude 46.57 --height 420\n"
     "  insgnss calibrate tripod poses.csv pin.csv --out mounting.toml\n"
     "  insgnss calibrate similarity cameras.xml antenna.csv --ground gcp.csv\n"

@@ -122,8 +122,6 @@ def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
 
 VERB = Verb(
     "imu",
-    "bias, scale factors and non-orthogonality of an IMU from a recording at rest in nine positions"
-    " and more",
     "  insgnss calibrate imu turned_by_hand.csv --latitude 46.57 --height 420 --out navchip1.toml",
     (ImuRequest,),
     run,

@@ -125,7 +125,7 @@ def _finished(
     return Judged(result, result.refusal, files)
 
 
-def _of_two_files(name: str, meaning: str, example: str, inputs: type, chosen: type) -> Verb:
+def _of_two_files(name: str, example: str, inputs: type, chosen: type) -> Verb:
     """Return the verb of a calibration of two files, which the module of its name holds."""
 
     def run(options: argparse.Namespace, progress: Progress) -> Judged:
@@ -144,7 +144,7 @@ def _of_two_files(name: str, meaning: str, example: str, inputs: type, chosen: t
             options, progress, calibrate[name](*files, options.records[chosen]), *files
         )
 
-    return Verb(name, meaning, example, (inputs, chosen, MountingProducts), run)
+    return Verb(name, example, (inputs, chosen, MountingProducts), run)
 
 
 def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
@@ -162,16 +162,12 @@ def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
 MOUNTING_VERBS = (
     _of_two_files(
         "tripod",
-        "lever arm from camera to antenna: camera poses by photogrammetry and pins by tachymetry,"
-        " of an aircraft on a tripod in several setups",
         "  insgnss calibrate tripod poses.csv pin.csv --photo DSC0001.jpg --out mounting.toml",
         TripodFiles,
         TripodOptions,
     ),
     _of_two_files(
         "similarity",
-        "lever arm from camera to antenna: adjusted poses in any frame, antenna positions at"
-        " exposures and 0 and more ground points",
         "  insgnss calibrate similarity cameras.xml antenna.csv --ground gcp.csv"
         " --crs EPSG:2056+5728\n"
         "  insgnss calibrate similarity cameras.xml cameras.xml --antenna-sigma 1,2",
@@ -180,8 +176,6 @@ MOUNTING_VERBS = (
     ),
     _of_two_files(
         "materialise",
-        "lever arm from camera to antenna: by targets on camera and receiver, as neither"
-        " centre can be touched",
         "  insgnss calibrate materialise camera.csv before.csv --pose poses.csv --image s.jpg \\\n"
         "      --receiver r0.csv r90.csv r180.csv r270.csv --after landed.csv",
         MaterialiseFiles,
@@ -189,8 +183,6 @@ MOUNTING_VERBS = (
     ),
     Verb(
         "mounting",
-        "lever arms, bore-sight and camera delay from one ordinary flight and the adjusted poses"
-        " of its images",
         "  insgnss calibrate mounting ign8/flight.toml cameras.xml\n"
         "  insgnss calibrate mounting ign8 ign8/02_Processed/Adjustment/poses.csv --frame shift"
         " --shift-sigma 0.01",

@@ -52,7 +52,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
 
 VERB = Verb(
     "figures",
-    "the charts of a page of insgnss as PDF, SVG or PNG, one file a chart",
     EXAMPLE,
     (FiguresRequest,),
     run,

@@ -39,7 +39,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
 
 VERB = Verb(
     "report",
-    "a page of insgnss as PDF: the summary to hand over, with its appendix where asked for",
     EXAMPLE,
     (ReportRequest,),
     run,

@@ -32,8 +32,6 @@ def run(options: argparse.Namespace, progress: Progress) -> Judged:
 
 VERB = Verb(
     "archive",
-    "check that every result below a directory can be made again from its inputs, by hashes and"
-    " versions",
     EXAMPLE,
     (ArchiveRequest,),
     run,

@@ -21,7 +21,8 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.received.nesting import read_object
-from ...geodesy.crs import crs_of, geodetic_from_geographic
+from ...geodesy.crs import crs_of
+from ...geodesy.datums import geodetic_from_geographic
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.poses import ReturnedPoses

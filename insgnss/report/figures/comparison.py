@@ -91,7 +91,7 @@ def _over_time(
             )
             for component, curve in curves
         ],
-        "image, in the order of file a" if time is None else "minutes since the first common pose",
+        "image, in the order of file a" if time is None else "time after the first pose, min",
         link="image" if time is None else "time",
     )
 

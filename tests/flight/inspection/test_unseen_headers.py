@@ -159,7 +159,7 @@ def test_lines_before_a_header_and_units_under_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.values, expected.values)
     assert table.layout.header_fields == expected.layout.header_fields
     assert table.layout.first_line == 5
-    with pytest.raises(InputError, match="torn.csv:2: 2 fields"):
+    with pytest.raises(InputError, match=r"torn\.csv:2: 2 fields"):
         read_table(torn)
 
 

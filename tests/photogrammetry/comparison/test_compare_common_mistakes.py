@@ -401,7 +401,7 @@ def test_help_lists_the_forms_without_numpy() -> None:
     assert tuple(POSE_FORMS) == verb.FORMS
     code = (
         "import sys; from insgnss.cli import build_parser; from insgnss.cli.compare import FORMS;"
-        " of_verb = build_parser('compare')._subparsers._group_actions[0].choices['compare'];"
+        " of_verb = build_parser()._subparsers._group_actions[0].choices['compare'];"
         " h = ' '.join(of_verb.format_help().split()); assert all(f in h for f in FORMS), h;"
         " assert 'numpy' not in sys.modules"
     )

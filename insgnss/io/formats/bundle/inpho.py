@@ -113,12 +113,12 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
     """
     check_frame(eo, "inpho_ascii")
     ids = photo_ids(eo.images)
-    words = (
+    angles = (
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"
         " up, z back) to the frame"
     )
     head = (
-        comment_lines(eo, words, "time: seconds of the GPS week, GPS time")
+        comment_lines(eo, angles, "time: seconds of the GPS week, GPS time")
         + "# id E N H omega phi kappa time\n"
     )
     write_columns(eo, path, "image xyz opk tow", " ", head, ids)
@@ -128,11 +128,11 @@ def photo_ids(images: Sequence[str]) -> tuple[str, ...]:
     """Return file names without their endings; InputError where two agree."""
     check_names(images, "\n")
     ids = tuple(PurePath(name).stem for name in images)
-    seen: dict[str, str] = {}
+    name_by_photo: dict[str, str] = {}
     for name, photo in zip(images, ids, strict=True):
-        if seen.setdefault(photo, name) != name:
+        if name_by_photo.setdefault(photo, name) != name:
             raise InputError(
-                f"images {seen[photo]!r} and {name!r} have the same identifier {photo!r};"
+                f"images {name_by_photo[photo]!r} and {name!r} have the same identifier {photo!r};"
                 " rename one"
             )
     return ids

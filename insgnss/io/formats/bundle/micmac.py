@@ -85,12 +85,12 @@ def write_micmac(eo: FramedOrientation, path: Source) -> None:
         phi is +-90 deg.
     """
     check_frame(eo, "micmac")
-    words = comment_lines(
+    comment = comment_lines(
         eo,
         "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
         " right-up-back to the frame",
     )
-    write_columns(eo, path, "image xyz opk s_xyz", " ", f"#F=N X Y Z W P K Ix Iy Iz\n{words}")
+    write_columns(eo, path, "image xyz opk s_xyz", " ", f"#F=N X Y Z W P K Ix Iy Iz\n{comment}")
 
 
 def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "") -> None:
@@ -124,7 +124,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
             " the image"
         )
     directory = Path(path)
-    own = {f"Orientation-{name}.xml" for name in eo.images}
+    files = {f"Orientation-{name}.xml" for name in eo.images}
     interior = (
         f"          <FileInterne>{xml_text(calibration)}</FileInterne>\n" if calibration else ""
     )
@@ -132,7 +132,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])
     with new_directory(
         directory,
-        own,
+        files,
         lambda file: file.startswith("Orientation-") and file.endswith(".xml"),
         "orientations",
     ) as into:

@@ -56,7 +56,7 @@ OPF_BANDS = {
 }
 # step of the scene's shift (m): a short number that leaves small coordinates (chosen)
 SCENE_SHIFT_STEP_M = 100.0
-SENSOR = 1  # number of the first sensor; further ones count on from it
+SENSOR = 1  # number of the first sensor: any would do, further ones count on from it
 
 
 def write_opf(

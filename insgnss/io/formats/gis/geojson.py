@@ -28,7 +28,8 @@ from ..orientation.poses import all_angles, local_covariance, sentences, utc
 from ..text.text import Source
 
 DIALECTS = ("rfc7946", "orthority")
-HALF_TURN_DEG = 180.0  # change of longitude (deg) beyond which a track crosses the antimeridian
+# change of longitude (deg): a track with a larger one crosses the antimeridian
+HALF_TURN_DEG = 180.0
 
 
 def write_geojson(
@@ -170,9 +171,9 @@ def _unless(point: Array, same: Array) -> Array:
 
 def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
     opk = numbers_of(eo, "opk", Conventions(unit="rad"))
-    own = json.dumps(camera).replace("%", "%%")
+    lens = json.dumps(camera).replace("%", "%%")
     form = (
-        f'{{"type": "Feature", {AT_POINT}, "properties": {{"filename": %s, "camera": {own}, "xyz":'
+        f'{{"type": "Feature", {AT_POINT}, "properties": {{"filename": %s, "camera": {lens}, "xyz":'
         " [%.4f, %.4f, %.4f], "
     )
     form += '"opk": [%.9f, %.9f, %.9f]}}'

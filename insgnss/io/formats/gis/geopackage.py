@@ -27,8 +27,9 @@ from ..orientation.exported import check_frame, places, position_sigma
 from ..orientation.poses import all_angles, sentences, utc
 from ..text.text import Source
 
-APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
-UNDEFINED_CARTESIAN_ID = -1  # srs_id that the standard gives to undefined Cartesian coordinates
+# "GPKG" and 1.3.0: the standard's marks in the file's head
+APPLICATION_ID, USER_VERSION = 0x47504B47, 10300
+UNDEFINED_CARTESIAN_ID = -1  # srs_id of undefined Cartesian coordinates: the standard's number
 FIRST_OWN_ID = 100000  # srs_id of a CRS without EPSG code: above the numbers of EPSG (chosen)
 REALS = (
     *("yaw_deg", "pitch_deg", "roll_deg", "sigma_yaw_deg", "sigma_pitch_deg", "sigma_roll_deg"),

@@ -42,8 +42,8 @@ _SHORT = {  # behind a name only, where the kind tells what is meant
     "velocity": {"ms": "m/s", "cms": "cm/s", "mms": "mm/s"},
 }
 DATUM = re.compile(r"\s*WGS[ -]?(19)?84\s*", re.IGNORECASE)  # in the brackets of a unit
-LONGEST_COLUMN_NAME = 200  # characters; a longer field of a header is no name
-_SAME = 1e-6  # of two factors
+LONGEST_COLUMN_NAME = 200  # characters: a longer field of a header is no name
+_SAME = 1e-6  # relative difference of two factors: rounding
 
 
 def normalised(name: str) -> tuple[str, str | None]:
@@ -144,7 +144,7 @@ def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
         (
             name
             for name, stem in candidates
-            if any(stem == other for other, _ in without_unit(field, kinds.get(name, ())))
+            if any(stem == cut_stem for cut_stem, _ in without_unit(field, kinds.get(name, ())))
         ),
         None,
     )

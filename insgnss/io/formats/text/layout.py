@@ -9,7 +9,10 @@ Rules, the same for all formats
     comment line before the data that has as many fields as they. Lines with fewer fields may stand
     before a header, such as the date of a recording. Everything else is data: every line has the
     same number of fields, and the first that has not, or that is no number where a number must
-    stand, is refused with its line. Nothing is skipped and nothing is filled in.
+    stand, is refused with its line. An empty field is a missing value, the last of a line behind
+    its delimiter too: where a number must stand, the row is left out and counted in tables of
+    recordings, if these are fewer than 1 % (`order.SHARE_LIMIT`), and refused in others. Nothing is
+    filled in.
 """
 
 import os
@@ -27,11 +30,11 @@ from ....base.units import LARGEST_UNIT, spells_zero
 from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
-# data lines from which delimiter, decimal sign and number of fields are taken (chosen)
+# data lines that settle delimiter, decimal sign and number of fields: all alike (chosen)
 SAMPLE_LINES = 20
 LONGEST_HEADER = 1 << 14  # characters of a header's line: a longer one is data or text (chosen)
 LONGEST_FIELD = 4096  # characters of a field: no number or name is so long, binary data are
-SCAN_BYTES = 1 << 22  # of a file that is looked through at once (chosen)
+SCAN_BYTES = 1 << 22  # bytes of a file looked through at once: 4 MB of memory (chosen)
 LONGEST_UNIT = 10  # characters of a unit under a header: degrees/s has nine, dates more (chosen)
 MOST_FIELDS = 1000  # of a line: no table of a recording has so many columns (chosen)
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
@@ -47,7 +50,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _SPELLED = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
 NUMBER = re.compile(_SPELLED, re.IGNORECASE | re.ASCII)
 _IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
-SMALLEST_PRECISE = 1e-280  # of a number with all its digits, as in tables; those below lose some
+SMALLEST_PRECISE = 1e-280  # number: smaller ones lose digits in a double
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
@@ -96,8 +99,8 @@ def float_of(text: str, decimal: str = ".") -> float | None:
     Digits are those of ASCII, without signs between them; only a zero that is written as one is
     zero, so that a number too small for a float is none.
     """
-    sign, other = (",", ".") if decimal == "," else (".", ",")
-    if not NUMBER.fullmatch(text) or other in text:
+    sign, wrong_sign = (",", ".") if decimal == "," else (".", ",")
+    if not NUMBER.fullmatch(text) or wrong_sign in text:
         return None
     x = float(text.replace(sign, "."))
     zero = x == 0.0 and spells_zero(text)
@@ -139,6 +142,13 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
     else:
         fields = [field.strip() for field in masked.removesuffix(delimiter).split(delimiter)]
     return [_MASK.sub(lambda m: quotes[int(m[1])], field) for field in fields] if quotes else fields
+
+
+def row_fields(text: str, layout: TextLayout) -> list[str]:
+    """Return the fields of a data line, the last one empty where it ends behind its delimiter."""
+    fields = split_fields(text, layout.delimiter)
+    trailing = layout.delimiter is not None and text.rstrip(" \r\n").endswith(layout.delimiter)
+    return [*fields, ""] if trailing and len(fields) == layout.n_fields - 1 else fields
 
 
 def _masked(text: str) -> tuple[str, list[str]]:
@@ -319,7 +329,17 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
     flat = [f for row in fields for f in row if NUMBER.fullmatch(f)]
     commas = delimiter != "," and any("," in field for field in flat)
     decimal = "," if commas and not any("." in field for field in flat) else "."
-    n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
+    counts = Counter(len(row) for row in fields)
+    n_fields = counts.most_common(1)[0][0]
+    if delimiter is not None and (
+        n_fields + 1 in counts or (head and len(split_fields(head[2], delimiter)) == n_fields + 1)
+    ):  # rows whose last field is empty
+        short = (
+            text.rstrip(" \r\n")
+            for text, row in zip(texts, fields, strict=True)
+            if len(row) == n_fields
+        )
+        n_fields += all(text.endswith(delimiter) for text in short)
     line, offset, _ = data[0]
     if n_fields > MOST_FIELDS:
         problem = f"{n_fields} fields (limit {MOST_FIELDS})"
