@@ -16,13 +16,8 @@ from .text.columns import TableSpec
 from .text.order import Lines, put_in_order, refuse_rows
 from .text.text import Source
 
-<<<<<<< HEAD
 BAROMETER_ROWS = "barometer rows"  # name of the notes on rows left out or put in order
-HIGHEST_PA = 120e3  # far below sea level
-=======
-ROWS = "barometer rows"  # name of the notes on rows left out or put in order
 HIGHEST_PA = 120e3  # pressure (Pa): 1400 m below sea level, where nobody flies
->>>>>>> 55685d715644f792b24025356631b1b1f9226546
 BAROMETER_LIMITS = {  # of each column: lowest, highest, their unit and its key
     "pressure": (LOWEST_PA, HIGHEST_PA, "Pa", "pressure"),
     "h": (-2000.0, 11000.0, "m", "length"),  # above whatever level it counts from

@@ -250,14 +250,7 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
         value("focal" if model in ("perspective", "fisheye") else key, None)
         for key in ("focal_x", "focal_y")
     ]
-<<<<<<< HEAD
     fisheye = model in FISHEYE_MODELS
-    own = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
-    own |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}
-    own |= {"cx": 0.5 * width + size * value("c_x"), "cy": 0.5 * height + size * value("c_y")}
-    return brown_camera(name, width, height, of_opencv(own), fisheye)
-=======
-    fisheye = model in FISHEYE
     terms = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
     terms |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}
     terms |= {
@@ -265,7 +258,6 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
         "cy": 0.5 * height + size * value("c_y"),
     }
     return brown_camera(name, width, height, of_opencv(terms), fisheye)
->>>>>>> 55685d715644f792b24025356631b1b1f9226546
 
 
 def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:

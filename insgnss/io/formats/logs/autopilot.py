@@ -233,9 +233,5 @@ class Autopilot:
         log, message = self.opened(path, names, options)
         cols = {name: message.columns[x] for name, x in labels.items() if x in message}
         message.refuse_infinite(cols)
-<<<<<<< HEAD
-        time, week, notes = self.on_gpst(message, fixes_of, boot, week, BAROMETER_ROWS)
-=======
-        time, week, notes = self.on_gpst(log, message, options.gps_week, ROWS)
->>>>>>> 55685d715644f792b24025356631b1b1f9226546
+        time, week, notes = self.on_gpst(log, message, options.gps_week, BAROMETER_ROWS)
         return heights_from_columns(cols, time, message.lines, week, notes)
