@@ -10,12 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Diagnostics, ExteriorOrientation
+from ..records import Array, Diagnostics, ExteriorOrientation
 from .charts.chart import Shade
 from .coverage import outages, segments, stationary_periods
 from .flightlines import flight_lines
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,8 +97,8 @@ def draft_flight(
                 draft.add("camera", key, source.keys[key], why, why != SCALE_OPEN)
         draft.add("camera", "clock", *recorded.event_clock)
     elif of_rover:
-        words = f"{of_rover} camera events are in the rover's file; name their images"
-        draft.add("camera", "images", "photos", words, False)
+        text = f"{of_rover} camera events are in the rover's file; name their images"
+        draft.add("camera", "images", "photos", text, False)
     _mounting(draft, "events" in by_role or bool(of_rover))
     if gnss is not None or raw_gnss:
         _filter(draft, gnss, recognition)
@@ -223,9 +223,9 @@ def _gnss(
     for key in of_file.split():
         if key in source.keys:
             draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
-    if apart := classes_apart(gnss):
-        floors = {quality.name.lower(): sigma for quality, (_, sigma, _) in apart.items()}
-        why = "; ".join(finding for finding, _, _ in apart.values())
+    if classes := classes_apart(gnss):
+        floors = {quality.name.lower(): sigma for quality, (_, sigma, _) in classes.items()}
+        why = "; ".join(finding for finding, _, _ in classes.values())
         draft.add("gnss", "quality_sigma_m", floors, f"{why}: standard deviations that cover this")
     if source.free_height:
         why = (

@@ -247,7 +247,7 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     """
     options, gnss = flight.filter, flight.gnss
     correlated, time_s = unfixed_solutions(fixes)
-    off = gnss.gm_sigma == "off"
+    gm_off = gnss.gm_sigma == "off"
     stated = stated_constants(flight)
     return FixErrors(
         lever_arm_m=(
@@ -264,11 +264,11 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
         gm_sigma=None if isinstance(gnss.gm_sigma, str) else (gnss.gm_sigma,) * 3,
         correlation_time_s=gnss.correlation_time_s,
         white_scale=(gnss.white_scale,) * 3,
-        unfixed_gm_sigma=1.0 if not off and correlated.any() else None,
+        unfixed_gm_sigma=1.0 if not gm_off and correlated.any() else None,
         unfixed_correlation_time_s=time_s,
         unfixed_white_scale=(
             gnss.white_scale
-            if off
+            if gm_off
             else WHITE_OF_CORRELATED
             if gnss.gm_sigma != "auto" or not correlated.all()
             # of code solutions alone the data tell (`navigation.diagnosis.time_correlated`)

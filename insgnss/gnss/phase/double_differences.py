@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import WEEK_S
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ...records.qualities import Quality
 from ..rinex.navigation_message import Navigation
 from ..satellites.frequencies import ENGINE_BANDS, HERTZ, rows_of_systems
@@ -40,7 +40,6 @@ from .troposphere import (
 if TYPE_CHECKING:
     from ..rinex.observation_record import Observations
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SHARED_CARRIERS = "GEJC"  # whose satellites share their carriers

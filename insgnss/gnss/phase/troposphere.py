@@ -42,19 +42,17 @@ UNB3). Hydrostatic delay: Saastamoinen (1972), Davis et al. (1985). Mapping: Bla
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.errors import DataError, InputError
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.frames import ecef_to_geodetic
 from ...io.options.schema import declared
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ...records.qualities import Quality
 from ..ppk_options import Air
 from ..satellites.engine_weighting import displacement
 from ..satellites.satellite_geometry import Sky
-
-Array = NDArray[np.float64]
 
 LAPSE = 6.5e-3  # K/m
 DRY_AIR = 287.053  # gas constant of dry air, J/(kg K)
@@ -324,7 +322,7 @@ def _variance(atmosphere: Atmosphere, rise: Array, lat: float, height: float) ->
             replace(atmosphere, **{name: min(max(value + sign * sd, low), high)})
             for sign in (-1.0, 1.0)
         )
-        changes = [(_left_out(other, rise, lat, height) - zenith) ** 2 for other in ends]
+        changes = [(_left_out(end, rise, lat, height) - zenith) ** 2 for end in ends]
         variance += 0.5 * (changes[0] + changes[1])
     return variance
 

@@ -48,7 +48,7 @@ GROUND_ALPHA = 0.6  # opacity of the ground below a map, so that lines and dots 
 IN_FRONT = 2.0  # of grid and shades; of what is alike in this, the later is drawn over the earlier
 MOST_TEXTS = 80  # of a layer of labels; of more only every so many
 # colours end at so many times what that share of the values reach
-SHOWN_SHARE, COLOURS_END = 0.95, 2.0
+COLOUR_QUANTILE, COLOURS_END = 0.95, 2.0
 
 
 def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
@@ -222,7 +222,7 @@ def value_range(value: Array) -> tuple[float, float]:
     if not finite.size:
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
-    high = min(high, COLOURS_END * float(np.quantile(finite, SHOWN_SHARE)))
+    high = min(high, COLOURS_END * float(np.quantile(finite, COLOUR_QUANTILE)))
     return low, high if high > low else low + max(0.2 * abs(low), 1e-9)
 
 

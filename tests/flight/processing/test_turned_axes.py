@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from air_motions import multirotor
 
 import insgnss
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.navigation.noise_model.model import load_noise_model
-from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.scenario import observe
 from insgnss.simulation.sensors import ImuOptions
 

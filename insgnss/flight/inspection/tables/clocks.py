@@ -106,8 +106,8 @@ def is_clock_of(grid: UnknownTable, column: int, clock: int) -> bool:
     ratio = float(b[-1] - b[0]) / span if span else 0.0
     if not ratio > 0.0 or abs(np.log10(ratio) - 3.0 * round(np.log10(ratio) / 3.0)) > TWIN:
         return False
-    off = np.abs(b - b[0] - ratio * (a - a[0])) / ratio
-    return bool(np.quantile(off, EVEN_SHARE) < np.median(np.diff(a)))
+    deviation = np.abs(b - b[0] - ratio * (a - a[0])) / ratio
+    return bool(np.quantile(deviation, EVEN_SHARE) < np.median(np.diff(a)))
 
 
 def _best_first(grid: UnknownTable, units: dict[int, str]) -> dict[int, str]:
@@ -149,9 +149,9 @@ def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
             continue
         whole = [
             k
-            for k, other in enumerate(names)
+            for k, column in enumerate(names)
             if k != fine
-            and (m := SECONDS_SUFFIX.fullmatch(squashed(other or "")))
+            and (m := SECONDS_SUFFIX.fullmatch(squashed(column or "")))
             and m[1] == match[1]
         ]
         if len(whole) == 1:

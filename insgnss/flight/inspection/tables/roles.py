@@ -185,10 +185,10 @@ def gnss_roles(grid: UnknownTable) -> Roles | None:
 
 def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
-    named, left = columns, dict[str, str]()
+    named, unnamed = columns, dict[str, str]()
 
     def without(reasons: dict[str, str]) -> dict[str, int]:
-        left.update(reasons)
+        unnamed.update(reasons)
         return {role: k for role, k in columns.items() if role not in reasons}
 
     columns = without(_not_finite(grid, columns))
@@ -213,7 +213,7 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set(columns.values()))
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
-    reasons = {named[role]: f"{role}: {why}" for role, why in left.items() if role in named}
+    reasons = {named[role]: f"{role}: {why}" for role, why in unnamed.items() if role in named}
     return Roles(columns, ticks, week_column(grid), units, repeat_column, left=reasons)
 
 
@@ -231,8 +231,8 @@ def _repeat_column(
     marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == ~held) > 0.95]
     if marks and len(ticks) > 1:
         return marks[0]
-    others = [column for role, column in fix.items() if role not in ("lat", "lon")]
-    return columns["lat"] if is_held((fix["lat"], fix["lon"]), others) else None
+    further = [column for role, column in fix.items() if role not in ("lat", "lon")]
+    return columns["lat"] if is_held((fix["lat"], fix["lon"]), further) else None
 
 
 def _unused_velocity(columns: dict[str, int]) -> dict[str, str]:
@@ -278,9 +278,9 @@ def _no_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
             continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
             bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
-    here = {role for role in columns if role in VELOCITY_SIGMAS}
+    velocities = {role for role in columns if role in VELOCITY_SIGMAS}
     if not columns.keys() - bad.keys() >= VELOCITY_SIGMAS:
-        bad = dict.fromkeys(here, "not all three are of use") | bad
+        bad = dict.fromkeys(velocities, "not all three are of use") | bad
     elif "sd_v" in columns:
         bad["sd_v"] = "others are taken"
     of_place = {role for role in columns if role in SIGMA_ROLES}

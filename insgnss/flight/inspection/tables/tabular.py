@@ -97,9 +97,9 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
         taken.append((_imu, samples))
     if fixes is not None and fixes.clocks and not solution:
         taken.append((_gnss, fixes))
-    left = _left_out(table, finite, [roles for _, roles in taken])
+    spare = _left_out(table, finite, [roles for _, roles in taken])
     sources = [
-        replace(source_of(path, table, roles), columns_left_out=left) for source_of, roles in taken
+        replace(source_of(path, table, roles), columns_left_out=spare) for source_of, roles in taken
     ]
     if not sources and long and fixes is None and not solution:
         sources = half_of_imu(path, table, lambda roles: _imu(path, table, roles))
@@ -135,10 +135,10 @@ def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, .
     reasons: dict[int, str] = {}
     date = set(calendar_columns(table.fields).values())
     for roles in taken:
-        first, *others = roles.clocks or (None,)
+        first, *further = roles.clocks or (None,)
         used |= date if first in date else set()
         used |= {*roles.columns.values(), first, roles.week, roles.repeat_column}
-        reasons |= dict.fromkeys(others, "another clock") | roles.left
+        reasons |= dict.fromkeys(further, "another clock") | roles.left
     texts = []
     for k in range(len(grid.names)):
         if k in used:
@@ -170,11 +170,11 @@ def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) ->
         )
     if fixes is not None and not fixes.clocks:
         return f"positions without a column of time; there are {names}; call one time or tow"
-    there = triads_named(table.grid) if len(table.grid.values) >= FEWEST_ROWS else []
-    if len(there) == 1 and fixes is None:
-        other = "accelerometers" if there == ["gyros"] else "gyros"
+    named = triads_named(table.grid) if len(table.grid.values) >= FEWEST_ROWS else []
+    if len(named) == 1 and fixes is None:
+        missing = "accelerometers" if named == ["gyros"] else "gyros"
         return (
-            f"{there[0]} without {other} or a column of time among {names}; put both into one"
+            f"{named[0]} without {missing} or a column of time among {names}; put both into one"
             " table, or call them gx gy gz and ax ay az"
         )
     return ""
