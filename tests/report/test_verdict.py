@@ -14,7 +14,12 @@ from insgnss.navigation.diagnosis.variances import SHARES, SLOW_S
 from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.cameras.mounting import boresight_from_angles
 from insgnss.records.states import OF_LEVER_ARM, SCALE_FACTOR, TIME_OFFSET, State
-from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT, USUAL_SHARE
+from insgnss.report.rules.verdict import (
+    MOST_SENTENCES,
+    NOTHING_STANDS_OUT,
+    USUAL_SHARE,
+    _if_usual,
+)
 from insgnss.report.sections import limits
 from insgnss.report.summary import run_summary
 from insgnss.report.verdict import run_verdict
@@ -82,6 +87,28 @@ def test_headline_says_what_slow_errors_of_usual_size_leave(seed) -> None:
     np.testing.assert_allclose(*sizes, rtol=0.1)
     assert "usually" not in slow
     assert "usually" not in headline(gnss__gm_sigma="off")
+
+
+@pytest.mark.parametrize(
+    ("time_s", "stated", "said"),
+    [(75.0, "auto", True), (310.0, "auto", False), (75.0, 0.5, False)],
+)
+def test_headline_says_what_slower_errors_of_the_same_rate_leave(time_s, stated, said) -> None:
+    """Oracle: by hand: of c^2 / T alone, 20 mm over 75 s are 40 mm over 300 s; nothing is said of
+    errors that last as long already, or that the flight file states.
+    """
+    error = {"time_s": time_s, "fixes": 3000, "sigma_m": [0.0265, 0.02, 0.03]}
+    figures = {
+        "flight": {"gnss": {"gm_sigma": stated}},
+        "innovations": {"median_sigma_mm": [20.0, 20.0, 30.0]},
+        "time_correlated_errors": [error],
+    }
+    claim = {"axes": ["E", "N", "U"], "position_mm": {"median": [20.0, 26.5, 30.0]}}
+    text = _if_usual(figures, claim)
+    assert bool(text) is said
+    if said:
+        assert "that is for slow errors of 75 s: if they last for 300 s" in text
+        assert "40.0 / 53.0 / 60.0 mm" in text
 
 
 def test_headline_counts_images_that_are_far_worse_than_the_rest(diagnostics, eo) -> None:

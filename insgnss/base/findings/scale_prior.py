@@ -11,7 +11,8 @@ class ScalePrior:
     """What is known before a flight of the factor k that makes a source's sigmas right.
 
     log k is normal. The innovations of one flight tell it to a per cent or, of a minute of fixes at
-    1 Hz, to a tenth; what is adopted is the mean a posteriori.
+    1 Hz, to a tenth; what is adopted is the mean a posteriori, below 1 only where withheld
+    pieces of the flight are predicted with it (`navigation.diagnosis.variances`).
 
     Parameters
     ----------
@@ -28,15 +29,6 @@ class ScalePrior:
         if math.isinf(self.width):
             return 1.0
         return max(1.0, math.exp(self.mean + WIDE_FACTOR * self.width))
-
-    @property
-    def least(self) -> float:
-        """The least k that is adopted, at most 1.
-
-        Innovations see what is independent from fix to fix. Errors against the truth, which the
-        mean is of, hold what stays as well, so that sigmas are not lowered below it.
-        """
-        return min(1.0, math.exp(self.mean))
 
     def posterior(self, log_k: float, variance: float) -> tuple[float, float]:
         """Return what is known of log k after a flight, and what the prior takes off its evidence.

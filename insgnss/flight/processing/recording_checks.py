@@ -13,7 +13,7 @@ import numpy as np
 from ...io.exposures.pauses import EXPOSURE_CLOCK, check_even_intervals
 from ...io.exposures.rig import CameraExposures
 from ...io.formats.text.clock import CLOCK_STEP
-from ...navigation.diagnosis.variances import check_turn_on, without_turn_on
+from ...navigation.diagnosis.evidence import check_turn_on, without_turn_on
 from ...navigation.noise_model.model import NoiseModel
 from ...navigation.recognise.claims import with_set_clock
 from ...navigation.recognise.plausibility import check_recording

@@ -242,14 +242,15 @@ def variance_check(
     evidence = f"log evidence {suspected.evidence:.0f}"
     if suspected.family == "GNSS sigmas":
         kinds = {"fixes.position": "positions", "fixes.velocity": "velocities"}
-        adopted = {k: f for k, f in claims.allowed(suspected.factors).items() if f != 1.0}
+        adopted = {name: k for name, k in suspected.of_fixes.items() if k != 1.0}
         scatter = " and ".join(
             f"the GNSS {kinds[name]} scatter {factor:.2f} times as much as their sigmas claim"
             for name, factor in adopted.items()
         )
+        predicted = ", withheld pieces are predicted" if suspected.narrowed else ""
         expected = f"factors up to {claims.scale.usual:.2g}, as usual of such a source"
         return Question("GNSS sigmas", expected).note(
-            f"{scatter} ({evidence}); the result allows for it",
+            f"{scatter} ({evidence}{predicted}); the result allows for it",
             claims.advised(adopted.get("fixes.position", 1.0)),
             when=max(adopted.values(), default=1.0) > claims.scale.usual,
         )

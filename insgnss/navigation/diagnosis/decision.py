@@ -14,6 +14,7 @@ from ..filter.layout import SLOW_STATE
 from ..filter.problem import InitialState
 from ..filter.smoother import SharedError
 from ..filter.solution import Solution
+from ..innovations.withheld import predicts
 from .advice import advice, as_solved, message, unseen, variance_check
 from .candidates import FAR_FACTOR, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
@@ -342,7 +343,9 @@ def _variance(
     winner = variances.strongest()
     if winner is None or winner.family in state.attempted:
         return None
-    model = with_variances(state.model, winner, search.drafted, search.claims)
+    if search.time_correlated:  # else the sigmas are taken at their word
+        winner = variances.narrowed(winner, search.of_fixes(state.model), state.model.fixes)
+    model = with_variances(state.model, winner, search.drafted)
     if model is None:
         return None
 
@@ -352,10 +355,10 @@ def _variance(
         if solution is None:
             return None
         after = VarianceSearch(solution, search.progress, search.claims)
-        if after.left() > winner.evidence:
+        unpredicted = winner.narrowed and not predicts(solution, search.align)
+        if unpredicted or after.left() > winner.evidence:
             return None
-        check = variance_check(winner, search.claims, search.drafted)
-        adopted = solution, model
+        check, adopted = variance_check(winner, search.claims, search.drafted), (solution, model)
         return state.after_trial([winner.family], [check], adopted=adopted, variances=after)
 
     return winner.evidence, adopt

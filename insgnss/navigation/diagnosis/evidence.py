@@ -8,9 +8,13 @@ a fix and k the white share of its error,
 
 The search evaluates it over a window of at most `WINDOW_FIXES` fixes, in which the velocity varies
 most; the decision compares `misfit`, the same of the whole flight.
+
+A noise model whose axes have no `turn_on_bias`, as published variances give one, has a variance of
+zero: it takes the constant biases of the sensors for zero. Where the innovations show them, the
+solution is wrong.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,6 +23,8 @@ import numpy as np
 from ...base.errors import DataError
 from ...base.findings.remedies import Remedy, SetKey
 from ...base.findings.scale_prior import UNKNOWN_SCALE, ScalePrior
+from ...base.units import STANDARD_GRAVITY
+from ...records import Finding, Question
 from ...records.cameras.mounting import Mounting
 from ...records.states import LEVER_ARM
 from ..filter.codes import NOT_MEASURED, POSITION_ROW, REJECTED, USED, VEL
@@ -28,6 +34,7 @@ from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution, solve
 from ..innovations.pieces import sub_solution
+from ..noise_model.model import NoiseModel
 from .candidates import (
     ErrorModel,
     LayoutFactory,
@@ -44,6 +51,15 @@ IMPOSSIBLE = 1e12  # -2 log L of a candidate with which the filter diverges
 MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
 MORE_LOST = 0.01  # of the fixes offered: so many more rejected ones count as lost
 FEWEST_FIXES = 60  # below which the innovations are not looked at
+
+TURN_ON = {  # a-priori sigma of a calibrated MEMS IMU, rad/s and m/s^2
+    "gyro": np.radians(100.0) / 3600.0,
+    "accel": 2e-3 * STANDARD_GRAVITY,
+}
+TURN_ON_ADVICE = (
+    "set turn_on_bias in the noise model: 100 deg/h and 2 mg suit a calibrated MEMS IMU, or take"
+    " the values measured in its recordings at rest"
+)
 
 SecondPass = Literal["auto", "on", "off"]
 Posed = tuple[EstimationProblem, InitialState]
@@ -68,15 +84,6 @@ class FixClaims:
     scale: ScalePrior = UNKNOWN_SCALE
     sigma_m: tuple[float, ...] | None = None
     white_scale: float = 1.0
-
-    def allowed(self, factors: Mapping[str, float]) -> dict[str, float]:
-        """Return factors of the fixes as they are adopted.
-
-        Sigmas are lowered where the source is known to claim too large ones; otherwise the user may
-        have reasons for them.
-        """
-        least = {"fixes.position": self.scale.least}
-        return {name: max(least.get(name, 1.0), factor) for name, factor in factors.items()}
 
     def advised(self, k: float) -> Remedy:
         """Return the key that takes the factor `k` of the positions' sigmas into the flight."""
@@ -333,3 +340,100 @@ def follows(solution: Solution) -> bool:
     offered, rejected, _ = fix_counts(solution.verdict)
     used = solution.nis[solution.verdict[:, POSITION_ROW] == USED, POSITION_ROW]
     return bool(rejected <= MOST_LOST * offered and np.mean(used) / 3.0 < MOST_NIS)
+
+
+def without_turn_on(noise: NoiseModel) -> tuple[str, ...]:
+    """Name the sensors with noise of which an axis has no turn-on bias.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        The noise model of the IMU.
+
+    Returns
+    -------
+    tuple of str
+        Some of "gyro" and "accel".
+    """
+    return tuple(
+        sensor
+        for sensor in TURN_ON
+        if any(a.white_noise > 0.0 and a.turn_on_bias == 0.0 for a in getattr(noise, sensor))
+    )
+
+
+def with_turn_on(noise: NoiseModel) -> NoiseModel:
+    """Give every axis that has no turn-on bias one of `TURN_ON`.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        The noise model of the IMU.
+
+    Returns
+    -------
+    NoiseModel
+        The model with turn-on biases; those that it has stay.
+    """
+    gx, gy, gz = (
+        replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["gyro"]) for axis in noise.gyro
+    )
+    ax, ay, az = (
+        replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["accel"]) for axis in noise.accel
+    )
+    return replace(noise, gyro=(gx, gy, gz), accel=(ax, ay, az))
+
+
+def check_turn_on(noise: NoiseModel) -> Finding:
+    """Note what a noise model that `without_turn_on` names does.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        A noise model of which a sensor lacks turn-on biases.
+
+    Returns
+    -------
+    Finding
+        The note "turn-on bias".
+    """
+    missing = " and ".join(without_turn_on(noise))
+    finding = (
+        f"noise model {noise.name} without turn_on_bias of {missing}: constant biases are taken "
+        "for zero"
+    )
+    return Question("turn-on bias", "turn_on_bias of gyro and accel").note(finding, TURN_ON_ADVICE)
+
+
+def check_biases_in_innovations(
+    noise: NoiseModel, solution: Solution | None, solve_with_biases: Callable[[], Solution]
+) -> Finding | None:
+    """Check whether the innovations show the turn-on biases that a noise model lacks.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        A noise model of which a sensor lacks turn-on biases.
+    solution : Solution or None
+        The solution without these biases; None where there is none.
+    solve_with_biases : callable
+        Solves the same problem with the biases among its states.
+
+    Returns
+    -------
+    Finding or None
+        The contradiction "turn-on bias" where they gain more than `evidence.GAIN` in (C.1).
+    """
+    try:
+        candidate = solve_with_biases()
+    except DataError:
+        return None
+    gain = np.inf if solution is None else misfit(solution) - misfit(candidate)
+    if gain <= GAIN:
+        return None
+    reason = f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
+    if solution is None:
+        reason = "no solution without them"
+    check = check_turn_on(noise)
+    finding = f"{check.found}, and the innovations show them ({reason})"
+    return replace(check, found=finding, verdict="contradiction")

@@ -32,7 +32,13 @@ from .constants import STRONG
 from .decision import diagnose, step_under
 from .drift import hidden_drift
 from .estimated import constant, fix_counts
-from .evidence import ErrorModelSearch, follows
+from .evidence import (
+    ErrorModelSearch,
+    check_biases_in_innovations,
+    follows,
+    with_turn_on,
+    without_turn_on,
+)
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
     AS_FLOAT,
@@ -48,7 +54,6 @@ from .incorrect_fixes import (
 from .sensitivity import Sensitivity
 from .sensor_dynamics import OpenedFlight, opened_flight, ungated
 from .time_correlated import code_errors, code_message
-from .variances import check_biases_in_innovations, with_turn_on, without_turn_on
 
 OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
 OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds

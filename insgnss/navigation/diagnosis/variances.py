@@ -35,10 +35,6 @@ their mean:
     c^2 = sum w_i c_i^2,     c^2 / T = sum w_i c_i^2 / T_i                                     (V.3)
 
 (Hoeting et al. 1999 on averages over models).
-
-A noise model whose axes have no `turn_on_bias`, as published variances give one, has a variance of
-zero: it takes the constant biases of the sensors for zero. Where the innovations show them, the
-solution is wrong.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,9 +42,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...base.errors import DataError
-from ...base.units import STANDARD_GRAVITY
-from ...records import Array, Finding, Question
+from ...records import Array
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.solution import Solution
 from ..innovations.likelihood import (
@@ -59,7 +53,6 @@ from ..innovations.likelihood import (
     linear_segment,
 )
 from ..innovations.search import Maximum, Search
-from ..noise_model.model import NoiseModel
 from .candidates import (
     ErrorModel,
     LayoutFactory,
@@ -67,7 +60,7 @@ from .candidates import (
     with_larger_white_share,
     with_time_correlated_error,
 )
-from .evidence import GAIN, NO_CLAIMS, FixClaims, liveliest_part, misfit
+from .evidence import NO_CLAIMS, FixClaims, liveliest_part
 from .time_correlated import LONGEST_WINDOW_S, beyond_claim
 
 BIAS_NOISE = "IMU bias noise"
@@ -95,18 +88,18 @@ SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
 SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
 # both where the innovations show an error. Seconds, of a receiver's filter, are taken where slower
 # errors lose by some 14 in -2 log L (planted ones of 60 s have lost by up to 10), ten minutes are
-# the ionosphere's; that a claim is exceeded by more than three is rare (chosen)
+# the ionosphere's; what is shown is larger as a rule, by more than three claims rarely (chosen)
 EVERY_S = {1.0: 3e-4, 5.0: 3e-4, **SLOW_S, LONGEST_WINDOW_S: 0.03}
-EVERY_SHARE = {**SHARES, 3.0: 0.03, 6.0: 0.01, 12.0: 0.003}
+EVERY_SHARE = {0.5: 0.35, 1.0: 0.2, 1.5: 0.1, 3.0: 0.05, 6.0: 0.015, 12.0: 0.003}
+# factor of the fixes' sigmas below which they are narrowed: nearer to one is as usual (chosen)
+NARROW_BELOW = 0.7
+# correlation times (s) and shares, in sigmas, of errors that would look like smaller sigmas: of a
+# receiver's filter, of multipath (`SLOW_S`), of what Doppler shares with the ionosphere; and how
+# many of the times a flight has to determine
+LASTING_S, LASTING_SHARES, FEWEST_TIMES = (1.0, 5.0, 20.0, 60.0, 120.0), (0.25, 0.5), 3
+EXCLUDED = 6.0  # loss in -2 log L that excludes an error, by odds of 20 to 1
 LARGEST_STEP = 0.5  # of the logarithm of a share, from the same c^2 / T to its best
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
-
-# a-priori sigma of a calibrated MEMS IMU, rad/s and m/s^2
-TURN_ON = {"gyro": np.radians(100.0) / 3600.0, "accel": 2e-3 * STANDARD_GRAVITY}
-TURN_ON_ADVICE = (
-    "set turn_on_bias in the noise model: 100 deg/h and 2 mg suit a calibrated MEMS IMU, or take"
-    " the values measured in its recordings at rest"
-)
 
 
 @dataclass(frozen=True)
@@ -121,11 +114,23 @@ class VarianceHypothesis:
         Logarithm of its evidence against the flight file's variances (V.2).
     factors : dict of str to float
         Factors of root densities and sigmas by parameter.
+    narrowed : tuple of str
+        Parameters with a factor below one, of whose errors the flight excludes that they last.
     """
 
     family: str
     evidence: float
     factors: dict[str, float]
+    narrowed: tuple[str, ...] = ()
+
+    @property
+    def of_fixes(self) -> dict[str, float]:
+        """Factors of positions and velocities as they are adopted.
+
+        Sigmas are lowered where they are `narrowed` alone: otherwise the user may have reasons.
+        """
+        known = {name: self.factors.get(name, 1.0) for name in FAMILIES["GNSS sigmas"]}
+        return {name: k if name in self.narrowed else max(1.0, k) for name, k in known.items()}
 
 
 class VarianceSearch:
@@ -195,6 +200,72 @@ class VarianceSearch:
             if one.evidence > (best.evidence if best else 0.0):
                 best = one
         return best
+
+    def narrowed(
+        self, winner: VarianceHypothesis, layout_factory: LayoutFactory, errors: FixErrors
+    ) -> VarianceHypothesis:
+        """Tell which fixes are as much better than they claim as their innovations.
+
+        Small innovations may be of an error that lasts. With k the white share, errors of the
+        shares `LASTING_SHARES` and of all that k leaves of the claim, sqrt(1 - k^2), over each of
+        `LASTING_S` that the flight determines, stand beside none: none of them may gain, and the
+        last ones are to be excluded.
+
+        Parameters
+        ----------
+        winner : VarianceHypothesis
+            The strongest family.
+        layout_factory : LayoutFactory
+            The error states as a function of those of the fixes.
+        errors : FixErrors
+            The errors of the fixes that are estimated already.
+
+        Returns
+        -------
+        VarianceHypothesis
+            The same with the parameters that are `narrowed`.
+        """
+        factor = {name: winner.factors.get(name, 1.0) for name in FAMILIES["GNSS sigmas"]}
+        k, v = (one if one < NARROW_BELOW else max(1.0, one) for one in factor.values())
+        white = with_larger_white_share(errors, k, v)
+        lasting = {"fixes.position": errors.gm_sigma is None, "fixes.velocity": v < 1.0}
+        lasting["fixes.velocity"] &= errors.velocity_gm_sigma_mps is None
+        return replace(
+            winner,
+            narrowed=tuple(
+                name
+                for name, possible in lasting.items()
+                if possible
+                and factor[name] < NARROW_BELOW
+                and not self._lasts(name, factor[name], layout_factory, white)
+            ),
+        )
+
+    def _lasts(self, name: str, k: float, layout_factory: LayoutFactory, white: FixErrors) -> bool:
+        """Tell whether an error may last that looks like white errors of the share k."""
+        epochs = self.part.problem.epochs
+
+        def cost(errors: FixErrors) -> float:
+            return evaluate([_linearised(self.part, layout_factory(errors))], np.zeros(0)).cost
+
+        def with_lasting(share: float, time_s: float) -> FixErrors:
+            if name == "fixes.position":
+                return replace(white, gm_sigma=(share,) * 3, correlation_time_s=time_s)
+            variance = np.diagonal(epochs.velocity_cov[epochs.has_velocity], axis1=1, axis2=2)
+            sigma_mps = share * float(np.sqrt(np.median(variance)))
+            return replace(
+                white, velocity_gm_sigma_mps=sigma_mps, velocity_correlation_time_s=time_s
+            )
+
+        determined_s = float(epochs.time[-1] - epochs.time[0]) / LEAST_SPAN
+        times = [time_s for time_s in LASTING_S if time_s <= determined_s]
+        least, claim = cost(white), float(np.sqrt(1.0 - k**2))
+        limits = {claim: -EXCLUDED, **dict.fromkeys(LASTING_SHARES, LEAST_AVERAGED)}
+        return len(times) < FEWEST_TIMES or any(
+            least - cost(with_lasting(share, time_s)) > limit
+            for time_s in times
+            for share, limit in limits.items()
+        )
 
     def slow_error(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors | None:
         """Find an error of the fixes that is too slow, or too small, for the search of its shares.
@@ -366,7 +437,6 @@ def with_variances(
     model: ErrorModel,
     suspected: VarianceHypothesis,
     drafted: bool = False,
-    claims: FixClaims = NO_CLAIMS,
 ) -> ErrorModel | None:
     """Return an error model with variances as a hypothesis has them.
 
@@ -378,22 +448,20 @@ def with_variances(
         The factors.
     drafted : bool
         Whether nobody states the noise of the IMU: a draft is a class's, and may be too large.
-    claims : FixClaims
-        What is known beforehand of the sigmas of the fixes.
 
     Returns
     -------
     ErrorModel or None
         The model; None where noise is smaller than it is stated, which its user may have reasons
-        for.
+        for, but of fixes that are `narrowed`.
     """
-    stated = {name: suspected.factors.get(name, 1.0) for name in FAMILIES[suspected.family]}
     if suspected.family == "GNSS sigmas":
-        of_fixes = list(claims.allowed(stated).values())
+        of_fixes = list(suspected.of_fixes.values())
         if all(factor == 1.0 for factor in of_fixes):
             return None
         return replace(model, fixes=with_larger_white_share(model.fixes, *of_fixes))
-    factors = [max(0.0 if drafted else 1.0, factor) for factor in stated.values()]
+    stated = [suspected.factors.get(name, 1.0) for name in FAMILIES[suspected.family]]
+    factors = [max(0.0 if drafted else 1.0, factor) for factor in stated]
     if not drafted and max(factors) <= 1.0:
         return None
     if suspected.family == BIAS_NOISE:
@@ -401,100 +469,3 @@ def with_variances(
         return replace(model, imu=replace(model.imu, driving_noise=(gyro, accel)))
     gyro, accel = np.multiply(model.imu.white_noise, factors).tolist()
     return replace(model, imu=replace(model.imu, white_noise=(gyro, accel)))
-
-
-def without_turn_on(noise: NoiseModel) -> tuple[str, ...]:
-    """Name the sensors with noise of which an axis has no turn-on bias.
-
-    Parameters
-    ----------
-    noise : NoiseModel
-        The noise model of the IMU.
-
-    Returns
-    -------
-    tuple of str
-        Some of "gyro" and "accel".
-    """
-    return tuple(
-        sensor
-        for sensor in TURN_ON
-        if any(a.white_noise > 0.0 and a.turn_on_bias == 0.0 for a in getattr(noise, sensor))
-    )
-
-
-def with_turn_on(noise: NoiseModel) -> NoiseModel:
-    """Give every axis that has no turn-on bias one of `TURN_ON`.
-
-    Parameters
-    ----------
-    noise : NoiseModel
-        The noise model of the IMU.
-
-    Returns
-    -------
-    NoiseModel
-        The model with turn-on biases; those that it has stay.
-    """
-    gx, gy, gz = (
-        replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["gyro"]) for axis in noise.gyro
-    )
-    ax, ay, az = (
-        replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["accel"]) for axis in noise.accel
-    )
-    return replace(noise, gyro=(gx, gy, gz), accel=(ax, ay, az))
-
-
-def check_turn_on(noise: NoiseModel) -> Finding:
-    """Note what a noise model that `without_turn_on` names does.
-
-    Parameters
-    ----------
-    noise : NoiseModel
-        A noise model of which a sensor lacks turn-on biases.
-
-    Returns
-    -------
-    Finding
-        The note "turn-on bias".
-    """
-    missing = " and ".join(without_turn_on(noise))
-    finding = (
-        f"noise model {noise.name} without turn_on_bias of {missing}: constant biases are taken "
-        "for zero"
-    )
-    return Question("turn-on bias", "turn_on_bias of gyro and accel").note(finding, TURN_ON_ADVICE)
-
-
-def check_biases_in_innovations(
-    noise: NoiseModel, solution: Solution | None, solve_with_biases: Callable[[], Solution]
-) -> Finding | None:
-    """Check whether the innovations show the turn-on biases that a noise model lacks.
-
-    Parameters
-    ----------
-    noise : NoiseModel
-        A noise model of which a sensor lacks turn-on biases.
-    solution : Solution or None
-        The solution without these biases; None where there is none.
-    solve_with_biases : callable
-        Solves the same problem with the biases among its states.
-
-    Returns
-    -------
-    Finding or None
-        The contradiction "turn-on bias" where they gain more than `evidence.GAIN` in (C.1).
-    """
-    try:
-        candidate = solve_with_biases()
-    except DataError:
-        return None
-    gain = np.inf if solution is None else misfit(solution) - misfit(candidate)
-    if gain <= GAIN:
-        return None
-    reason = f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
-    if solution is None:
-        reason = "no solution without them"
-    check = check_turn_on(noise)
-    finding = f"{check.found}, and the innovations show them ({reason})"
-    return replace(check, found=finding, verdict="contradiction")

@@ -172,8 +172,9 @@ def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:
         lag is not None and lag > LAG_ONE_MATTERS for lag in f["innovations"]["lag1"] or ()
     ):
         return f"{text}; time-correlated errors do not show in them", ""
-    key = "sigma_m" if quantity == "position" else "sigma_velocity_mps"
-    help_ = f"set a smaller gnss.{key}, to make use of what the {_plural(quantity)} are worth"
+    if quantity == "velocity":  # else they are narrowed (`navigation.diagnosis.variances`)
+        return f"{text}; errors that last for seconds do not show in them", ""
+    help_ = "set a smaller gnss.sigma_m, to make use of what the positions are worth"
     return f"{text}; the images are better than their sigmas", help_
 
 

@@ -21,6 +21,7 @@ from .wording import Figures, degrees, lengths, tilt
 # rms share of slow errors in the sigma of a fix, of the a-priori probabilities of diagnosis (V.3):
 # smoothing hardly reduces it (12.8 mm of a fix of 20 mm where a filter with this error has 12.7)
 USUAL_SHARE = 0.59
+SLOWEST_S = 300.0  # correlation time of errors of PPK that is not exceeded as a rule (V.3)
 USUAL_MATTERS = 1.2  # times the sigmas without slow errors, from which on it is said (chosen)
 MOST_SENTENCES = 8  # that a reader takes in; the tables below have all (chosen)
 NOTHING_STANDS_OUT = (
@@ -96,8 +97,12 @@ def _if_usual(figures: Figures, claim: Figures) -> str:
     Nothing where slow errors are among the sigmas, or where the flight file excludes them.
     """
     predicted = figures["innovations"]["median_sigma_mm"]
-    excluded = (figures["flight"].get("gnss") or {}).get("gm_sigma") == "off"
-    if predicted is None or excluded or figures["time_correlated_errors"]:
+    stated = (figures["flight"].get("gnss") or {}).get("gm_sigma", "auto")
+    if stated != "auto" and figures["time_correlated_errors"]:
+        return ""
+    if figures["time_correlated_errors"]:
+        return _if_slower(figures, claim)
+    if predicted is None or stated == "off":
         return ""
     north, east, down = predicted
     of_images = claim["position_mm"]["median"]
@@ -110,6 +115,31 @@ def _if_usual(figures: Figures, claim: Figures) -> str:
         return ""
     return (
         f"; that is for white errors: with the slow ones that PPK usually has, {lengths(with_slow)}"
+    )
+
+
+def _if_slower(figures: Figures, claim: Figures) -> str:
+    """Say what the positions are known to if the errors of the fixes last longer than estimated.
+
+    Innovations tell c^2 / T, the share squared over the correlation time, alone
+    (`navigation.diagnosis.variances`).
+    """
+    error = max(figures["time_correlated_errors"], key=lambda one: float(one["fixes"]))
+    longer = SLOWEST_S / error["time_s"] - 1.0
+    if longer <= 0.0:
+        return ""
+    north, east, down = error["sigma_m"]
+    of_fixes = (north, east, down) if claim["axes"][0] == "N" else (east, north, down)
+    of_images = claim["position_mm"]["median"]
+    slower = [
+        math.hypot(sigma, 1e3 * fix * math.sqrt(longer))
+        for sigma, fix in zip(of_images, of_fixes, strict=True)
+    ]
+    if max(slower) < USUAL_MATTERS * max(of_images):
+        return ""
+    return (
+        f"; that is for slow errors of {error['time_s']:.0f} s: if they last for"
+        f" {SLOWEST_S:.0f} s, which no flight shows, {lengths(slower)}"
     )
 
 

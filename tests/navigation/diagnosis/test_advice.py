@@ -176,11 +176,14 @@ def test_a_scale_that_is_usual_of_the_source_is_no_remark(source, factor, verdic
 
 
 def test_sigmas_lower_than_claimed_are_said_as_they_are_adopted():
-    """Oracle: exp(-0.4) = 0.67 by hand, of a source that claims too much; 0.5 was found."""
-    winner = VarianceHypothesis("GNSS sigmas", 800.0, {"fixes.position": 0.5})
+    """Oracle: by hand: 0.5 is adopted of positions, whose withheld pieces are predicted with it."""
+    factors = {"fixes.position": 0.5, "fixes.velocity": 0.5}
+    winner = VarianceHypothesis("GNSS sigmas", 800.0, factors, ("fixes.position",))
     check = variance_check(winner, FixClaims(ScalePrior(-0.4, 0.35)))
     assert check.verdict == "ok"
-    assert "positions scatter 0.67 times" in check.found
+    assert "positions scatter 0.50 times" in check.found
+    assert "velocities" not in check.found
+    assert "withheld pieces are predicted" in check.found
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from insgnss.navigation.diagnosis import (
     incorrect_fixes,
     time_correlated,
 )
+from insgnss.navigation.diagnosis import evidence as evidence_module
 from insgnss.navigation.diagnosis import variances as variances_module
 from insgnss.navigation.diagnosis.candidates import (
     ImuErrors,
@@ -565,14 +566,14 @@ def test_gaps_that_may_be_steps_of_the_imus_clock() -> None:
 @pytest.mark.parametrize(("gain", "contradicts"), [(19.9, False), (20.1, True), (None, True)])
 def test_biases_that_the_innovations_show(monkeypatch, gain, contradicts) -> None:
     """Oracle: a gain of twenty, on either side; no solution without them."""
-    monkeypatch.setattr(variances_module, "misfit", lambda one: {"with": 0.0, "without": gain}[one])
+    monkeypatch.setattr(evidence_module, "misfit", lambda one: {"with": 0.0, "without": gain}[one])
     model = NoiseModel("m", "", (AxisNoise(white_noise=1.0),) * 3, (AxisNoise(),) * 3)
-    check = variances_module.check_biases_in_innovations(
+    check = evidence_module.check_biases_in_innovations(
         model, None if gain is None else "without", lambda: "with"
     )
     assert (check is not None) is contradicts
-    assert variances_module.without_turn_on(model) == ("gyro",)
-    biases = [axis.turn_on_bias for axis in variances_module.with_turn_on(model).gyro]
+    assert evidence_module.without_turn_on(model) == ("gyro",)
+    biases = [axis.turn_on_bias for axis in evidence_module.with_turn_on(model).gyro]
     assert_allclose(biases, np.radians(100.0 / 3600.0))
 
 

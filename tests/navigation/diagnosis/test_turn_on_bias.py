@@ -11,7 +11,7 @@ from insgnss import Flight, load_flight
 from insgnss.base.errors import InputError
 from insgnss.flight.inspection.described import inspect_flight
 from insgnss.flight.processing.pipeline import process
-from insgnss.navigation.diagnosis.variances import TURN_ON, with_turn_on, without_turn_on
+from insgnss.navigation.diagnosis.evidence import TURN_ON, with_turn_on, without_turn_on
 from insgnss.navigation.noise_model.model import NoiseModel, load_noise_model, write_noise_model
 from insgnss.simulation.dataset import write_dataset
 

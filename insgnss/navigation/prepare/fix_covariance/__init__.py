@@ -27,5 +27,6 @@ each to what the one before left, in this order, once a recording:
 PPK calibrates while it solves, since its corrections of troposphere and ionosphere come after that
 and add their own covariance; its fixes are stated and calibrated when they arrive here. What scales
 the errors of all fixes of a flight alike (`gnss.white_scale`, `gnss.gm_sigma`, what `diagnosis`
-adopts) belongs to the filter's error model and not to the covariance of a fix.
+adopts: wider, or narrowed where no lasting error may hide in the claim) belongs to the filter's
+error model and not to the covariance of a fix.
 """
