@@ -9,6 +9,7 @@ elsewhere than the images see them. Where there is little to go by nothing is sa
 """
 
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -268,8 +269,8 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
         return Convention(one.words, lambda x: one.change(x + above) - above)
 
     heights = (
-        Convention(f"heights in {unit}", lambda x, f=f: x * [1.0, 1.0, f])
-        for unit, f in OTHER_HEIGHTS.items()
+        Convention(f"heights in {unit}", partial(np.multiply, [1.0, 1.0, factor]))
+        for unit, factor in OTHER_HEIGHTS.items()
     )
     turned = [
         *exchanged(axes[:2]),
