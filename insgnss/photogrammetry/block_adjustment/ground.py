@@ -154,6 +154,14 @@ def _otherwise_near(
 def _readings(axes: GroundAxes) -> tuple[tuple[Array, str], ...]:
     """Return what the coordinates of points may be multiplied by (3, 3), and what is then wrong."""
     exchanged = np.eye(3)[[1, 0, 2]]
+    signs = tuple(
+        (np.diag(sign), f"if their {name} have the other sign: correct it")
+        for name, sign in zip(
+            ("longitudes", "latitudes") if axes.projection is None else ("eastings", "northings"),
+            ((-1.0, 1.0, 1.0), (1.0, -1.0, 1.0)),
+            strict=True,
+        )
+    )
     if axes.projection is None:
         units = {"radians": np.degrees(1.0), "gon": 0.9}
         return (
@@ -162,6 +170,7 @@ def _readings(axes: GroundAxes) -> tuple[tuple[Array, str], ...]:
                 (np.diag([f, f, 1.0]), f"if their numbers are {unit}: write degrees")
                 for unit, f in units.items()
             ),
+            *signs,
         )
     foot = FOOT_M if (axes.unit_m == 1.0).all() else 1.0 / FOOT_M
     counted = "feet" if foot < 1.0 else "metres"
@@ -169,6 +178,9 @@ def _readings(axes: GroundAxes) -> tuple[tuple[Array, str], ...]:
         (exchanged, "with easting and northing exchanged: exchange the columns"),
         (foot * np.eye(3), f"if their numbers are {counted}: name the CRS that counts in them"),
         (np.diag([1e3, 1e3, 1.0]), "if their numbers are kilometres: write metres"),
+        (np.diag([1e-2, 1e-2, 1.0]), "if their numbers are centimetres: write metres"),
+        (np.diag([1e-3, 1e-3, 1.0]), "if their numbers are millimetres: write metres"),
+        *signs,
     )
 
 

@@ -9,6 +9,7 @@ elsewhere than the images see them. Where there is little to go by nothing is sa
 """
 
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +19,7 @@ from ...base.units import FOOT_M
 from ...geodesy.conventions import Convention, exchanged, lengths, reversed_signs
 from ...geodesy.explain import EXPLAINS, Candidate, explain
 from ...geodesy.rotation import rotation_from_vector
+from ...io.formats.orientation.poses import LARGEST_GEOID_M
 from ...records.block import Array
 from ..adjust.start import intersected
 from .inputs import BlockInputs
@@ -42,6 +44,8 @@ ATTITUDE_SIGMAS, FEW_ATTITUDE_SIGMAS = 5.0, 2.0  # of the attitudes, where they 
 MOST_NAMED_IMAGES = 6  # beyond, the cause lies in the block, not in single images (chosen)
 # misclosure of rays over the stated sigma of pixels, from which that is doubted
 WORSE_MISCLOSURE = 10.0
+OTHER_HEIGHTS = {"feet": FOOT_M, "centimetres": 1e-2}  # m: units that heights are taken from
+LARGEST_DATUM_M = 900.0  # m, in plan: shifts of old datums against GNSS are below (Tokyo: 0.5 km)
 OFF_M = 5.0  # least distance of ground points that is asked about
 PIXEL = 0.1  # what image observations of a right block leave
 
@@ -279,12 +283,22 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
     def misfit(position: Array) -> float:
         return median_length(position - X)
 
-    axes = ("easting", "northing", "height")
+    axes, above = ("easting", "northing", "height"), np.zeros(3)
+
+    if inputs.eo is not None:
+        above[2] = inputs.eo.origin[2]
+
+    def of_heights(one: Convention) -> Convention:
+        return Convention(one.words, lambda x: one.change(x + above) - above)
+
+    heights = (
+        Convention(f"heights in {unit}", partial(np.multiply, [1.0, 1.0, factor]))
+        for unit, factor in OTHER_HEIGHTS.items()
+    )
     turned = [
         *exchanged(axes[:2]),
         *lengths("coordinates", ("feet",)),
-        Convention("heights in feet", lambda x: x * [1.0, 1.0, FOOT_M]),
-        *reversed_signs(axes, most=1),
+        *map(of_heights, (*heights, *reversed_signs(axes, most=1))),
     ]
     shift = Candidate[Array]("a shift", lambda x: x - middle, parameters=3)
     candidates = [shift, *(Candidate(f"they had {one.words}", one.change) for one in turned)]
@@ -300,14 +314,9 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
         )
     constant = _camera_constant(inputs, whole, miss_px, height / (height - middle[2]))
     if constant is None:
-        why = (
-            "heights above the ellipsoid and above sea level (geoid) are mixed, or the base had"
-            " another height"
-            if abs(middle[2]) > 3.0 * np.linalg.norm(middle[:2])
-            else "the base had coordinates of another datum, or ground.crs is another"
-        )
         raise DataError(
-            f"{start}, and all of them alike, by {', '.join(f'{x:+.1f}' for x in middle)} m; {why}"
+            f"{start}, and all of them alike, by {', '.join(f'{x:+.1f}' for x in middle)} m;"
+            f" {_cause_of_shift(middle, mine.position + above, limit)}"
         )
     if not all("f" in camera.free for camera in block.cameras):
         raise DataError(
@@ -315,6 +324,33 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
             f" {constant:.0f} px instead of {block.cameras[0].of('f'):.0f}; correct f, or"
             ' estimate it (camera.free = ["f", ...])'
         )
+
+
+def _cause_of_shift(shift_m: Array, cameras_m: Array, limit_m: float) -> str:
+    """Return what shifts all ground points alike by east, north, up, m.
+
+    Parameters
+    ----------
+    shift_m : ndarray, shape (3,)
+    cameras_m : ndarray, shape (n, 3)
+        Positions of the cameras, heights above the ellipsoid.
+    limit_m : float
+        Distance up to which points fit.
+    """
+    along, up = float(np.linalg.norm(shift_m[:2])), abs(float(shift_m[2]))
+    of_height, flown_m = up > 3.0 * along, float(np.median(cameras_m[:, 2]))
+    for unit, factor in (OTHER_HEIGHTS | {"metres with the other sign": -1.0}).items():
+        if of_height and abs(shift_m[2] - (factor - 1.0) * flown_m) < max(limit_m, 0.01 * up):
+            return f"the heights of the aerial control are in {unit}"
+    if of_height and up < LARGEST_GEOID_M:
+        return (
+            "heights above the ellipsoid and above sea level (geoid) are mixed, or the base had"
+            " another height"
+        )
+    if not of_height and along < LARGEST_DATUM_M:
+        return "the base had coordinates of another datum, or ground.crs is another"
+    what = "heights" if of_height else "coordinates"
+    return f"a constant was subtracted from the {what} of the points, or of the base: add it"
 
 
 def _refuse_exchanged(names: list[str], stated: Array, X: Array, limit: float) -> None:

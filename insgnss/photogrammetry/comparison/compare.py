@@ -290,7 +290,7 @@ def _explained(matched: Matched) -> tuple[Matched, list[Mismatch]]:
     if heights_first(matched.a, matched.b):
         aspects[:2] = aspects[1::-1]
     for aspect in aspects:
-        if aspect is not horizontal and _far(matched):
+        if aspect is not horizontal and _far(matched, axes=2):
             continue  # heights and axes of another place say nothing
         for _ in range(MOST_FINDINGS):
             explained = aspect(matched)
@@ -331,9 +331,13 @@ def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
     return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in stated))
 
 
-def _far(matched: Matched) -> float:
-    """Return how far positions lie from each other, m; 0 where a datum or base explains it."""
-    distance = float(np.median(np.linalg.norm(difference(matched.a, matched.b), axis=1)))
+def _far(matched: Matched, axes: int = 3) -> float:
+    """Return how far positions lie from each other, m; 0 where a datum or base explains it.
+
+    Heights in centimetres are far with three axes, and of the same place with two.
+    """
+    d = difference(matched.a, matched.b)[:, :axes]
+    distance = float(np.median(np.linalg.norm(d, axis=1)))
     return distance if distance > SHIFT_M else 0.0
 
 

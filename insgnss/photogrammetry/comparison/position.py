@@ -44,6 +44,8 @@ LEAST_RMS_M = 0.005  # rms below which nobody asks why
 GEOID_M = (5.0, 110.0)  # geoid heights that are stated as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
+# findings on heights of another unit or sign
+HEIGHTS_OTHERWISE = (*METRES_OF, "metres for feet", "height reversed")
 SHIFT_M = 2e4  # longest shift: datums lie within 1 km, base stations of drones within this
 HEIGHT_M = 5e3  # longest shift of heights: those above the place of take-off lack its height
 LARGEST_SCALE = (

@@ -32,6 +32,8 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
 TRACKS_VERSION = "OPENSFM_TRACKS_VERSION_v"
 TRACK_FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
+# of the longer side: OpenSfM's unit of a focal length; telescopes (2 m before 36 mm) are below
+LONGEST_FOCAL = 60.0
 FISHEYE_MODELS = ("fisheye", "fisheye_opencv")
 OPENSFM_MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE_MODELS)
 
@@ -250,6 +252,9 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
         value("focal" if model in ("perspective", "fisheye") else key, None)
         for key in ("focal_x", "focal_y")
     ]
+    if max(fx, fy) > LONGEST_FOCAL:
+        problem = f"camera {shown(name)}: focal {max(fx, fy):g} is in pixels, of the oldest format"
+        raise InputError.in_file(file, f"{problem}; divide it by the longer side, {size:.0f} px")
     fisheye = model in FISHEYE_MODELS
     terms = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
     terms |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}

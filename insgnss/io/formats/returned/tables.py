@@ -30,7 +30,7 @@ from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
 from ..blocks.pose_table import read_position_table
 from ..origins import ORIGIN_BYTES
-from ..text.layout import shown, split_fields
+from ..text.layout import shown, split_fields, unquoted
 from ..text.text import Source, check_fields, decoded, numbered_lines
 from .crs import COORDINATE_SYSTEM, kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
@@ -264,7 +264,9 @@ def _name_xyz_opk(
     """
     names, rows = [], []
     for line, text in enumerate(lines_of(decoded(path)), start=1):
-        fields = text.replace(",", " ").lstrip("# ").split()
+        fields = [
+            unquoted(word) for word in split_fields(text.replace(",", " ").lstrip("# "), None)
+        ]
         if line <= skipped or not fields or fields[0].lower() == first:
             continue
         if len(fields) != columns:

@@ -108,7 +108,13 @@ def gps_time(
         f"time {{:.3f}} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the column and units"
         f" = {{{{ time = ... }}}} ({', '.join(SENSOR_SCALES['time'])}), or convert the clock"
     )
-    refuse_rows(lines, (seconds < 0.0) | (seconds > 2.0 * WEEK_S), message, seconds)
+    if unit == "s" and not np.mod(seconds, 1.0).any():
+        message += (
+            '; of a counter, units = {{ time = "1e-4 s" }} says how long a tick is, and'
+            " time_offset_s what is to be added"
+        )
+    bad = (seconds < 0.0) | (seconds > 2.0 * WEEK_S)
+    refuse_rows(lines, bad, message, seconds)
     return time, gps_week
 
 

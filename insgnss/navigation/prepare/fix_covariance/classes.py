@@ -99,9 +99,9 @@ that second solution had a wrong one.
 Errors of fixed epochs are time-correlated (0.3 to 0.8 over 10 s): (V.1) is of one epoch, and a
 filter that takes many must estimate that part as a Gauss-Markov process (`gnss.gm_sigma` of the
 flight file). In sigmas that RTKLIB claims, errors of standing antennas are (total, white by
-differences of neighbours; horizontal / down):
+differences of neighbours; horizontal / down; left of it):
 
-    1 m, 301 epochs at 1 Hz *          0.22, 0.16 / 0.21, 0.18    0.34 left after 10 s, 0.07 after 60
+    1 m, 301 epochs at 1 Hz *          0.22, 0.16 / 0.21, 0.18    0.34 after 10 s, 0.07 after 60
     5.2 km, 51 epochs at 1 Hz *        0.16, 0.15 / 0.71, 0.39    0.16 after 10 s
     GEONET, 105 epochs of 30 s **      0.68, 0.46 / 0.61, 0.41    0.52 after 30 s, 0.27 after 120
 

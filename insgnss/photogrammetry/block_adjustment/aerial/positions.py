@@ -21,12 +21,13 @@ from ....io.exposures.images import natural
 from ....io.exposures.numbering import image_numbers
 from ....io.formats.blocks.joined import matched
 from ....io.formats.blocks.measured_block import MeasuredBlock
+from ....io.formats.orientation.poses import LARGEST_GEOID_M
 from ....records import ExteriorOrientation
 from ....records.block import Array
-from ...comparison.compare import largest_difference
+from ...comparison.compare import compare_poses, largest_difference
 from ...comparison.hints import Hints, turned
 from ...comparison.poses import Poses
-from ...comparison.position import SHIFT_M
+from ...comparison.position import HEIGHTS_OTHERWISE, SHIFT_M
 from ...comparison.reading import read_poses
 from ..placing import noted_plane
 from .first_poses import (
@@ -138,8 +139,13 @@ def _refuse_distant(poses: Poses, images: Sequence[str], first: FirstPoses) -> N
     names = tuple(images[k] for k in np.flatnonzero(row >= 0).tolist())
     a = replace(first.on_earth.taken(row[row >= 0]), images=names)
     b = replace(poses.taken(np.flatnonzero(row >= 0)), images=names)
-    if names and float(np.median(np.linalg.norm(b.ecef - a.ecef, axis=1))) > SHIFT_M:
+    away = float(np.median(np.linalg.norm(b.ecef - a.ecef, axis=1))) if names else 0.0
+    if away > SHIFT_M:
         raise InputError(largest_difference(a, b))
+    if away > LARGEST_GEOID_M:
+        findings = compare_poses(replace(a, C_Ex=None), replace(b, C_Ex=None)).findings
+        if wrong := [one.statement for one in findings if one.name in HEIGHTS_OTHERWISE]:
+            raise InputError(f"{a.source} (a), {b.source} (b): {wrong[0]}")
 
 
 def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array:
