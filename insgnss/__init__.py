@@ -25,8 +25,8 @@ Records
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
 Say how
     `Flight`, `Mounting`, `boresight_from_angles`, `CameraInput` and `CameraMounting` (of a rig),
-    `FilterOptions`, `InitialAttitude`, `NoiseModel`, `AxisNoise`, `GaussMarkov`, `TuneOptions`,
-    `EngineOptions`, `ImuFaults`.
+    `FilterOptions`, `InitialAttitude`, `TangentPlane`, `NoiseModel`, `AxisNoise`, `GaussMarkov`,
+    `TuneOptions`, `EngineOptions`, `ImuFaults`.
 Noise
     `simulate_noise`, `wavelet_variance` of samples, `haar_variance` of a model, `WaveletVariance`.
 Errors
@@ -64,60 +64,78 @@ Time
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from .base import __version__
+from .base import __version__ as __version__
 from .base.caches import settle as _settle
 
 if _TYPE_CHECKING:
-    from .api.calibration import (
-        calibrate_materialise,
-        calibrate_mounting,
-        calibrate_similarity,
-        calibrate_tripod,
-        read_mounting,
-    )
-    from .api.estimation import estimate
-    from .api.products import compare, export, figures, ppk, relative_control
-    from .api.readers import read_eo, read_poses, read_trajectory
-    from .api.targets import measure_targets, predict_targets
-    from .api.verbs import adjust_block, calibrate_imu, inspect, process, simulate, tune
-    from .base.errors import DataError, InputError, InsgnssError, UsageError
-    from .flight.config.block_file import load_block
-    from .flight.config.filter_options import FilterOptions, InitialAttitude
-    from .flight.config.flight_file import Flight
-    from .flight.config.load import load_flight
-    from .flight.processing.pipeline import ProcessResult
-    from .geodesy.gpstime import gps_from_dates
-    from .gnss.options import EngineOptions
-    from .io.formats import read_barometer, read_events, read_gnss, read_imu
-    from .io.options.camera_options import CameraInput, CameraMounting
-    from .navigation.noise_model.model import (
-        AxisNoise,
-        GaussMarkov,
-        NoiseModel,
-        load_noise_model,
-        write_noise_model,
-    )
-    from .noise.moments.theory import haar_variance
-    from .noise.moments.wavelet import wavelet_variance
-    from .noise.processes.realisation import simulate_noise
-    from .noise.tuning.options import TuneOptions
-    from .photogrammetry.target_measurement.request import Target
-    from .records import (
-        BarometerHeights,
-        CameraEvents,
-        Check,
-        ExteriorOrientation,
-        GnssFixes,
-        ImuBiases,
-        ImuSamples,
-        Innovations,
-        Trajectory,
-        WaveletVariance,
-    )
-    from .records.cameras.mounting import Mounting, boresight_from_angles
-    from .records.measurements import Measurement, Motion, OwnState
-    from .records.relative import RelativeControl
-    from .simulation.faults import ImuFaults
+    from .api.calibration import calibrate_materialise as calibrate_materialise
+    from .api.calibration import calibrate_mounting as calibrate_mounting
+    from .api.calibration import calibrate_similarity as calibrate_similarity
+    from .api.calibration import calibrate_tripod as calibrate_tripod
+    from .api.calibration import read_mounting as read_mounting
+    from .api.estimation import estimate as estimate
+    from .api.products import compare as compare
+    from .api.products import export as export
+    from .api.products import figures as figures
+    from .api.products import ppk as ppk
+    from .api.products import relative_control as relative_control
+    from .api.readers import read_eo as read_eo
+    from .api.readers import read_poses as read_poses
+    from .api.readers import read_trajectory as read_trajectory
+    from .api.targets import measure_targets as measure_targets
+    from .api.targets import predict_targets as predict_targets
+    from .api.verbs import adjust_block as adjust_block
+    from .api.verbs import calibrate_imu as calibrate_imu
+    from .api.verbs import inspect as inspect
+    from .api.verbs import process as process
+    from .api.verbs import simulate as simulate
+    from .api.verbs import tune as tune
+    from .base.errors import DataError as DataError
+    from .base.errors import InputError as InputError
+    from .base.errors import InsgnssError as InsgnssError
+    from .base.errors import UsageError as UsageError
+    from .flight.config.block_file import load_block as load_block
+    from .flight.config.filter_options import FilterOptions as FilterOptions
+    from .flight.config.filter_options import InitialAttitude as InitialAttitude
+    from .flight.config.flight_file import Flight as Flight
+    from .flight.config.load import load_flight as load_flight
+    from .flight.processing.pipeline import ProcessResult as ProcessResult
+    from .geodesy.frames import TangentPlane as TangentPlane
+    from .geodesy.gpstime import gps_from_dates as gps_from_dates
+    from .gnss.options import EngineOptions as EngineOptions
+    from .io.formats import read_barometer as read_barometer
+    from .io.formats import read_events as read_events
+    from .io.formats import read_gnss as read_gnss
+    from .io.formats import read_imu as read_imu
+    from .io.options.camera_options import CameraInput as CameraInput
+    from .io.options.camera_options import CameraMounting as CameraMounting
+    from .navigation.noise_model.model import AxisNoise as AxisNoise
+    from .navigation.noise_model.model import GaussMarkov as GaussMarkov
+    from .navigation.noise_model.model import NoiseModel as NoiseModel
+    from .navigation.noise_model.model import load_noise_model as load_noise_model
+    from .navigation.noise_model.model import write_noise_model as write_noise_model
+    from .noise.moments.theory import haar_variance as haar_variance
+    from .noise.moments.wavelet import wavelet_variance as wavelet_variance
+    from .noise.processes.realisation import simulate_noise as simulate_noise
+    from .noise.tuning.options import TuneOptions as TuneOptions
+    from .photogrammetry.target_measurement.request import Target as Target
+    from .records import BarometerHeights as BarometerHeights
+    from .records import CameraEvents as CameraEvents
+    from .records import Check as Check
+    from .records import ExteriorOrientation as ExteriorOrientation
+    from .records import GnssFixes as GnssFixes
+    from .records import ImuBiases as ImuBiases
+    from .records import ImuSamples as ImuSamples
+    from .records import Innovations as Innovations
+    from .records import Trajectory as Trajectory
+    from .records import WaveletVariance as WaveletVariance
+    from .records.cameras.mounting import Mounting as Mounting
+    from .records.cameras.mounting import boresight_from_angles as boresight_from_angles
+    from .records.measurements import Measurement as Measurement
+    from .records.measurements import Motion as Motion
+    from .records.measurements import OwnState as OwnState
+    from .records.relative import RelativeControl as RelativeControl
+    from .simulation.faults import ImuFaults as ImuFaults
 
 _settle()
 
@@ -138,6 +156,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "flight.config.load": ("load_flight",),
     "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
     "io.formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
+    "geodesy.frames": ("TangentPlane",),
     "geodesy.gpstime": ("gps_from_dates",),
     "gnss.options": ("EngineOptions",),
     "records.cameras.mounting": ("Mounting", "boresight_from_angles"),
@@ -164,76 +183,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
-__all__ = [
-    "AxisNoise",
-    "BarometerHeights",
-    "CameraEvents",
-    "CameraInput",
-    "CameraMounting",
-    "Check",
-    "DataError",
-    "EngineOptions",
-    "ExteriorOrientation",
-    "FilterOptions",
-    "Flight",
-    "GaussMarkov",
-    "GnssFixes",
-    "ImuBiases",
-    "ImuFaults",
-    "ImuSamples",
-    "InitialAttitude",
-    "Innovations",
-    "InputError",
-    "InsgnssError",
-    "Measurement",
-    "Motion",
-    "Mounting",
-    "NoiseModel",
-    "OwnState",
-    "ProcessResult",
-    "RelativeControl",
-    "Target",
-    "Trajectory",
-    "TuneOptions",
-    "UsageError",
-    "WaveletVariance",
-    "__version__",
-    "adjust_block",
-    "boresight_from_angles",
-    "calibrate_imu",
-    "calibrate_materialise",
-    "calibrate_mounting",
-    "calibrate_similarity",
-    "calibrate_tripod",
-    "compare",
-    "estimate",
-    "export",
-    "figures",
-    "gps_from_dates",
-    "haar_variance",
-    "inspect",
-    "load_block",
-    "load_flight",
-    "load_noise_model",
-    "measure_targets",
-    "ppk",
-    "predict_targets",
-    "process",
-    "read_barometer",
-    "read_eo",
-    "read_events",
-    "read_gnss",
-    "read_imu",
-    "read_mounting",
-    "read_poses",
-    "read_trajectory",
-    "relative_control",
-    "simulate",
-    "simulate_noise",
-    "tune",
-    "wavelet_variance",
-    "write_noise_model",
-]
+__all__ = sorted((*_HOME, "__version__"))
 
 
 def __getattr__(name: str) -> _Any:
@@ -248,4 +198,4 @@ def __getattr__(name: str) -> _Any:
 
 def __dir__() -> list[str]:
     """Return the public names."""
-    return sorted(__all__)
+    return __all__

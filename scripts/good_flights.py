@@ -39,6 +39,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of 30 x 30
 
 import numpy as np
+from air_motions import circles, multirotor
 from scipy.stats import chi2
 
 import insgnss
@@ -50,7 +51,6 @@ from insgnss.records.qualities import Quality
 from insgnss.simulation.flights import FlightMotion, fly
 from insgnss.simulation.ground import drive, walk
 from insgnss.simulation.layout import PLANS
-from insgnss.simulation.manoeuvres import circles, multirotor
 from insgnss.simulation.motion import ExactMotion
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import SimulatedFlight, observe

@@ -156,6 +156,7 @@ LOCAL_ONLY = {
 LOCAL_ONLY |= {"dask", "distributed", "pyarrow"}
 LOCAL_ONLY |= {"orjson", "pycolmap", "pyceres", "pyrtklib5", "hatanaka"}
 
+FILES_OF_THE_ROOT = {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"}
 # of code, without docstrings: at 100 columns what 400 and 60 were at 140
 MODULE_LINES, FUNCTION_LINES, KERNEL_LINES = 500, 80, 220
 LONG_MODULES: dict[str, str] = {}
@@ -264,6 +265,11 @@ def test_imports_are_those_of_the_table_and_run_downward(folder: str) -> None:
         assert not new, f"{new}: not in the table"
         assert below == set(arrows_out), f"{name} imports {below - set(arrows_out)} no more"
         assert below <= set(order[: order.index(name)]), f"{name}: an arrow runs upward"
+
+
+def test_the_top_level_holds_what_the_user_fixed() -> None:
+    files = {entry.name for entry in ROOT.iterdir() if entry.is_file() and entry.name[0] != "."}
+    assert files <= FILES_OF_THE_ROOT
 
 
 def test_folders_with_arrows_inside_have_their_place_in_the_table() -> None:

@@ -18,5 +18,5 @@ Where to look
     `estimate` (samples, fixes and events as arrays): `estimation.py`
     `read_eo`, `read_trajectory`: `readers.py` (recorded files: `insgnss/io/formats/__init__.py`)
     the demonstration, a simulated flight against its truth: `demo.py`
-    a new public name: `_ROOMS` and `__all__` of `insgnss/__init__.py`, `docs/reference/api.md`
+    a new public name: `_ROOMS` and the imports of `insgnss/__init__.py`, `docs/reference/api.md`
 """

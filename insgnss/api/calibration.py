@@ -165,8 +165,8 @@ def calibrate_materialise(
     )
 
     sessions = tuple(Path(path) for path in receiver)
-    made = MaterialiseOptions(receiver=sessions, **options)
-    return _written(calibrate(Path(camera), Path(mounted), made), out, force)
+    chosen = MaterialiseOptions(receiver=sessions, **options)
+    return _written(calibrate(Path(camera), Path(mounted), chosen), out, force)
 
 
 @heard

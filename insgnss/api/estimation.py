@@ -16,6 +16,7 @@ from ..flight.config.flight_file import Flight, Output, changed
 from ..flight.config.gnss_options import GnssInput
 from ..flight.config.imu_options import ImuInput
 from ..flight.processing.pipeline import ProcessResult, process
+from ..geodesy.frames import TangentPlane
 from ..io.options.camera_options import CameraInput
 from ..navigation.noise_model.model import NoiseModel
 from ..navigation.prepare.clock import NO_WEEK
@@ -60,7 +61,7 @@ def estimate(
     imu_axes: str = "forward right down",
     gnss_sigma_m: Sequence[float] | None = None,
     gnss_sigma_velocity_mps: Sequence[float] | None = None,
-    tangent_plane: Sequence[float] | None = None,
+    tangent_plane: Sequence[float] | TangentPlane | None = None,
     initial_attitude: InitialAttitude | None = None,
     filter_options: FilterOptions | None = None,
     trajectory_hz: float | None = 10.0,
@@ -102,8 +103,9 @@ def estimate(
     imu_axes : body directions of the sensor's x, y, z.
     gnss_sigma_m : (3,) standard deviations north, east, down, m, where `gnss` has none.
     gnss_sigma_velocity_mps : (3,) likewise of velocities, m/s.
-    tangent_plane : (3,) latitude deg, longitude deg, ellipsoidal height m of the origin; None: at
-        the first fix, rounded to 0.01 deg.
+    tangent_plane : (3,) latitude deg, longitude deg, ellipsoidal height m of the origin, or an
+        `insgnss.TangentPlane`, whose angles are rad; None: at the first fix, rounded to
+        0.01 deg.
     initial_attitude : of the first fix, where one is known; None: it is found in the motion.
     filter_options : states and constraints beside the usual ones, such as
         ``insgnss.FilterOptions(non_holonomic=True)``; None: those of an empty flight file.
@@ -173,12 +175,12 @@ def estimate(
 
 def _refuse_ambiguous(flight: Flight, changes: Mapping[str, Any]) -> None:
     """Refuse changes that are given by a keyword as well, and those that nothing looks at."""
-    given = {
+    stated = {
         "noise": flight.imu.noise,
         "imu_axes": flight.imu.axes,
         "trajectory_hz": flight.output.trajectory_hz,
     }
-    for name, value in given.items():
+    for name, value in stated.items():
         key = next(key for key, spoken in SPOKEN.items() if spoken == name).replace(".", "__")
         if key in changes and value != signature(estimate).parameters[name].default:
             raise UsageError(f"estimate: {name} and {key} are both given; keep one of them")
@@ -190,7 +192,7 @@ def _refuse_ambiguous(flight: Flight, changes: Mapping[str, Any]) -> None:
 
 
 def _no_week() -> Finding:
-    given = f"none is given; {NO_WEEK} is used"
+    finding = f"none is given; {NO_WEEK} is used"
     return Question("GPS week", "gps_week, or a week in the records").note(
-        given, "times stay as they are"
+        finding, "times stay as they are"
     )

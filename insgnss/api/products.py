@@ -241,7 +241,7 @@ def ppk(
         raise UsageError("ppk: base_point belongs to base_position; give the coordinates")
     engine = options_at(base_position, base_point=base_point if base_position else None)
     several = [navigation] if isinstance(navigation, str | os.PathLike) else navigation
-    given = PpkInput(
+    request = PpkInput(
         rover=Path(rover),
         base=Path(base),
         navigation=tuple(Path(file) for file in several),
@@ -254,4 +254,4 @@ def ppk(
         camera_delay_s=camera_delay_s,
         base_point_chosen=base_position is None or base_point is not None,
     )
-    return solve_ppk(given, path_of(out), progress)
+    return solve_ppk(request, path_of(out), progress)

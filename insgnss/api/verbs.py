@@ -232,10 +232,10 @@ def tune(
     from ..noise.tuning.static import tune_static
 
     paths: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
-    others = [path for path in paths if not isinstance(path, str | os.PathLike)]
-    if others:
+    no_paths = [path for path in paths if not isinstance(path, str | os.PathLike)]
+    if no_paths:
         raise UsageError(
-            f"tune: {type(others[0]).__name__} is no path; recordings are"
+            f"tune: {type(no_paths[0]).__name__} is no path; recordings are"
             " files: np.save the table (n, 7) of time, gyro, accel and give its path, with"
             ' gyro_unit="rad/s"'
         )

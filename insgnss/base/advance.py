@@ -18,7 +18,7 @@ Item = TypeVar("Item")
 P = ParamSpec("P")
 T = TypeVar("T")
 Listener = Callable[[float], None]
-MOST_SHARES = 1000  # of a loop, so that quick items stay quick
+MOST_SHARES = 1000  # reports of progress in a loop: quick items stay quick
 LOGGER = logging.getLogger("insgnss")
 """Hears what a terminal would show, at level INFO; silent until a program sets it up."""
 LOGGER.addHandler(logging.NullHandler())

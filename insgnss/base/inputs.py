@@ -28,8 +28,8 @@ Source = str | os.PathLike[str]
 Identity = tuple[int, int, int, int]
 """Device, number on it, size in bytes and time of the last change in ns."""
 BOM = b"\xef\xbb\xbf"  # byte order mark of UTF-8
-SETTLED_NS = 2_000_000_000  # time (ns) since a change within which a stamp may hide another one
-KEPT_HASHES = 64  # hashes of files that are asked for before a run and after it
+SETTLED_NS = 2_000_000_000  # age of a change (ns): within it a stamp may hide another one
+KEPT_HASHES = 64  # hashes of files kept: those of a run's inputs, asked for before and after it
 
 NOT_REGULAR = "is not a regular file but a pipe or a device; save its content to a file"
 

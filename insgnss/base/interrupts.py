@@ -11,7 +11,7 @@ ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 """Those of this system; SIGKILL cannot be caught."""
-BY_SIGNAL = 128  # added to a signal's number, the exit code that shells give it
+BY_SIGNAL = 128  # added to a signal's number: the exit code that shells give it
 
 
 class Terminated(KeyboardInterrupt):

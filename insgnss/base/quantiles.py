@@ -18,7 +18,7 @@ Abramowitz and Stegun (1964), 6.5.29, 6.5.31, 26.4.17; Lentz (1976) for (Q.2).
 import math
 from statistics import NormalDist
 
-MOST_NEWTON_STEPS = 100  # of Newton; some six are needed
+MOST_NEWTON_STEPS = 100  # steps of Newton: some six are needed
 # relative change that ends a series: some units in the last place of a double
 SERIES_PRECISION = 1e-15
 

@@ -25,8 +25,9 @@ from .units import LARGEST_UNIT, exact_float, is_number, parse_quantity
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
-LONGEST_TOML = 1_000_000  # characters
-LONGEST_FILE_NAME, LONGEST_PATH = 255, 4000  # characters; what file systems take at most
+LONGEST_TOML = 1_000_000  # characters: no file of settings has as many
+# characters of a name and of a path: what file systems take at most
+LONGEST_FILE_NAME, LONGEST_PATH = 255, 4000
 NESTED = f"tables or lists within each other (limit {DEEPEST_NESTING}); write them flat"
 _DOTTED = re.compile(r"[^=#]*")
 _TYPE_NAMES = {

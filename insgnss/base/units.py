@@ -21,12 +21,12 @@ from zoneinfo import ZoneInfo
 
 from .errors import InputError, UsageError, near
 
-STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
+STANDARD_GRAVITY = 9.80665  # unit g (m/s^2): CGPM 1901
 DEG_PER_H, MILLI_G = math.radians(1.0) / 3600.0, 1e-3 * STANDARD_GRAVITY  # rad/s, m/s^2
-FOOT_M = 0.3048  # m, the international foot
+FOOT_M = 0.3048  # international foot (m): exact since 1959
 # of a quantity whose square is a float, too; more, and less, than any has
 SMALLEST_UNIT, LARGEST_UNIT = 1e-150, 1e150
-US_FOOT_M = 1200.0 / 3937.0  # m, the foot of the US survey
+US_FOOT_M = 1200.0 / 3937.0  # foot of the US survey (m): by definition
 
 _NAMES = ("angle", "length", "time")
 
@@ -117,7 +117,8 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)", re.A
 _TOKEN = re.compile(r"\s*([A-Za-z%]+|[-+]?\d+(?:\.\d+)?|[*/^()])", re.ASCII)
 
 
-LONGEST_UNIT, LARGEST_EXPONENT = 100, 10.0  # of what a person writes
+# characters and exponent of a unit: more than a person writes
+LONGEST_UNIT, LARGEST_EXPONENT = 100, 10.0
 
 
 class _Parser:

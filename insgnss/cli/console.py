@@ -20,10 +20,10 @@ from ..base.errors import UsageError
 from ..base.files import json_ready
 from ..base.wording import duration
 
-LONG_STEP_S = 5.0  # a step of which more is to be expected says how far it is
-RENEWED_S = 0.2  # between two renewals of the line on a terminal
-MEASURED_S = 1.0  # that a speed is taken from
-REPEATED_S = 20.0  # between two plain lines about one step
+LONG_STEP_S = 5.0  # rest of a step (s): a longer one shows how far it is
+RENEWED_S = 0.2  # time between two renewals of a terminal's line (s): faster ones flicker
+MEASURED_S = 1.0  # time that a speed is taken from (s): a shorter one is a guess
+REPEATED_S = 20.0  # time between two plain lines about one step (s): logs stay short
 
 
 class Progress:

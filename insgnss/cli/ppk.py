@@ -91,14 +91,14 @@ class PpkRun:
         from ..report.document import Document, checked, dotted, pairs
         from ..report.verdict import worst_of
 
-        result, given = self.result, self.given
+        result, request = self.result, self.given
         grade = result.quality["grade"]
-        odd = [check for check in result.checks if check.verdict != "ok"]
-        odd.sort(key=lambda check: check.verdict == "note")
-        findings = [f"{check.name}: {check.found}" for check in odd]
+        remarked = [check for check in result.checks if check.verdict != "ok"]
+        remarked.sort(key=lambda check: check.verdict == "note")
+        findings = [f"{check.name}: {check.found}" for check in remarked]
         findings = findings or ["too few epochs are fixed and confirmed"]
-        names = ", ".join(dict.fromkeys(check.name for check in odd))
-        notes = f"; there are notes on {names}" if odd else ""
+        names = ", ".join(dict.fromkeys(check.name for check in remarked))
+        notes = f"; there are notes on {names}" if remarked else ""
         merits = {
             name: f"{value:.6g}"
             for name, value in result.quality.items()
@@ -106,7 +106,7 @@ class PpkRun:
         }
         engine = {"engine": result.engine, "its CPU, s": f"{result.cpu_s:.1f}"}
         return Document(
-            f"PPK: {Path(all_of(given.rover)[0]).name}",
+            f"PPK: {Path(all_of(request.rover)[0]).name}",
             result.verdict,
             worst_of(
                 f"nearly all epochs are fixed and confirmed, and no check contradicts them{notes}",
@@ -114,8 +114,8 @@ class PpkRun:
                 findings if grade == "poor" else [],
             ),
             (*charts, checked(result.checks), pairs("Figures of merit", merits)),
-            [*all_of(given.rover), *all_of(given.base), *given.navigation],
-            settings={k: v for k, v in dotted(json_ready(asdict(given))) if v not in NOT_GIVEN},
+            [*all_of(request.rover), *all_of(request.base), *request.navigation],
+            settings={k: v for k, v in dotted(json_ready(asdict(request))) if v not in NOT_GIVEN},
             versions=engine,
             files=self.files,
         )
@@ -124,12 +124,12 @@ class PpkRun:
         """JSON-able."""
         from ..base import __version__
 
-        result, given = self.result, self.given
+        result, request = self.result, self.given
         return {
             "insgnss": __version__,
             **picked(result, "engine", "cpu_s", "verdict", "quality"),
             "checks": [check.as_dict() for check in result.checks],
-            "input": asdict(given),
+            "input": asdict(request),
             **self.made,
             "files": [str(path) for path in self.files],
         }

@@ -13,8 +13,8 @@ from .verb import Message, Verb
 SURVEYS = ("ign8", "ign6x1")
 PUBLISHED_BLOCKS = ("block2015", "corridor2014", "mapkite")
 """Of benchmarks/published_blocks, which imports numpy."""
-IMU_RATE_HZ = 500.0  # of the simulated IMU, as the published flights have it
-VIBRATION = 1.0  # factor on a usual drone's vibration
+IMU_RATE_HZ = 500.0  # rate of the simulated IMU (Hz): that of the published flights
+VIBRATION = 1.0  # factor on a usual drone's vibration: one is usual
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,23 @@ are those of another CRS at the place where they are known to be.
 """
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
-from .crs import GNSS_YEARS, crs_of, moves, source_crs, transformed, transformer_between
+from ..base.errors import InputError, UsageError
+from .crs import (
+    GIVE_CRS,
+    GNSS_YEARS,
+    crs_of,
+    moves,
+    source_crs,
+    transformed,
+    transformer_between,
+    undulation,
+)
 from .grids import lacking_grids
 
 Array = NDArray[np.float64]
@@ -85,6 +95,54 @@ def sibling_code(crs: Any, kind: str) -> str:
 
     siblings = query_crs_info("EPSG", [PJType[kind]])
     return next((f"EPSG:{info.code}" for info in siblings if info.name == crs.name), "")
+
+
+def geodetic_from_geographic(
+    definition: str,
+    coordinates: Array,
+    geoid: Path | None = None,
+    datum: str | None = None,
+    epoch: float | None = None,
+) -> tuple[Array, Array, Array]:
+    """Return the geodetic position of points of a geographic CRS.
+
+    Parameters
+    ----------
+    definition : str
+        The CRS, as of `MapProjection`; heights are ellipsoidal unless it has heights of its own or
+        a geoid is named.
+    coordinates : ndarray, (n, 3)
+        Longitude and latitude, deg, height, m.
+    geoid : Path, optional
+        Grid of geoid heights.
+    datum, epoch : optional
+        Of the result, as of `source_crs`.
+
+    Returns
+    -------
+    tuple of ndarray
+        Latitude and longitude, rad, and height above the ellipsoid, m, each (n,).
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown or not geographic, or a geoid beside heights of its own.
+    InputError
+        Where the CRS or its grids do not reach the points.
+    """
+    crs = crs_of(definition)
+    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
+    if not horizontal.is_geographic:
+        raise UsageError(f"CRS {definition!r} is {crs.name}, which is not geographic; {GIVE_CRS}")
+    if geoid is not None and crs.is_compound:
+        raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
+    transformer = transformer_between(
+        source_crs(datum, epoch), crs if crs.is_compound else crs.to_3d()
+    )
+    x, y, z = coordinates.T
+    lon, lat, h = transformed(transformer, crs.name, x, y, z, inverse=True, epoch=epoch)
+    lat, lon = np.radians(lat), np.radians(lon)
+    return lat, lon, h if geoid is None else h + undulation(geoid, lat, lon)
 
 
 def between_datums(

@@ -156,9 +156,9 @@ def cubic(node: Array, value: Array, time: Array) -> Array:
     """
     out = np.zeros((time.size, 3))
     for k in range(CUBIC_FIXES):
-        others = [j for j in range(CUBIC_FIXES) if j != k]
+        neighbours = [j for j in range(CUBIC_FIXES) if j != k]
         weight = np.prod(
-            (time[:, None] - node[:, others]) / (node[:, k, None] - node[:, others]), axis=1
+            (time[:, None] - node[:, neighbours]) / (node[:, k, None] - node[:, neighbours]), axis=1
         )
         out += weight[:, None] * value[:, k]
     return out

@@ -50,35 +50,3 @@ from .series import ImuBiases, Innovations
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
 from .variances import WaveletVariance, chi_square_interval
 from .verdicts import Check, Estimate, MeanResidual, TimeCorrelatedError
-
-__all__ = [
-    "QUANTITIES",
-    "Array",
-    "BarometerHeights",
-    "CameraEvents",
-    "Check",
-    "Diagnostics",
-    "Estimate",
-    "ExteriorOrientation",
-    "Finding",
-    "FramedOrientation",
-    "GnssFixes",
-    "ImuBiases",
-    "ImuSamples",
-    "Increments",
-    "Innovations",
-    "MapFrame",
-    "MeanResidual",
-    "Quantity",
-    "Question",
-    "Rows",
-    "TimeCorrelatedError",
-    "Trajectory",
-    "Verdict",
-    "WaveletVariance",
-    "barometer_heights",
-    "camera_events",
-    "chi_square_interval",
-    "gnss_fixes",
-    "imu_samples",
-]

@@ -33,6 +33,7 @@ GEODETIC_HEADERS = {
     "lat": ("lat_deg", "lat", "latitude"),
     "lon": ("lon_deg", "lon", "lng", "long", "longitude"),
 }
+IMAGE_HEADERS = ("image", "images", "img", "photo", "name", "label", "filename", "file")
 SIGMA_HEADERS = ("sd_n_m", "sd_e_m", "sd_d_m")
 VELOCITY_HEADERS = ("vn", "ve", "vd")
 VELOCITY_SIGMA = ("sd_vn", "sd_ve", "sd_vd")
@@ -156,7 +157,8 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
     Parameters
     ----------
     given : `CameraEvents`, which are taken as they are; (n,) times of mid-exposure, s, whose images
-        are then numbered from 1, with a note; or a table with columns image and tow.
+        are then numbered from 1, with a note; or a table with columns image (or photo, filename,
+        label, ...) and tow.
     gps_week : of the times; of a record its own.
 
     Returns
@@ -180,8 +182,9 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
             "events: no exposure in the table; leave events out if the flight had no camera"
         )
     week = _of_week("events", time, _week(given, gps_week))
-    if columns is not None and "image" in columns:
-        names = tuple(str(name) for name in columns["image"])
+    named = next((name for name in IMAGE_HEADERS if name in (columns or ())), None)
+    if columns is not None and named is not None:
+        names = tuple(str(name) for name in columns[named])
         return CameraEvents(names, time, week, "events")
     names = tuple(str(k + 1) for k in range(time.size))
     numbering = f"no image names; the {time.size} events are numbered from 1"

@@ -179,7 +179,7 @@ DERIVED = {
 
 Predict = Callable[[Motion, Array], Array]
 """Takes the motion at k instants and the own states (k, q), returns values (k, c) or (k,)."""
-N_ERRORS = 12  # of position, velocity and attitude in l, and of the biases of the gyros
+N_ERRORS = 12  # error states of position, velocity, attitude and gyro biases: four triples
 
 
 @dataclass(frozen=True, eq=False, repr=False)

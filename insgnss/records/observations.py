@@ -18,7 +18,7 @@ Quantity = Literal["mean_rate", "increments", "instant_rate"]
 QUANTITIES = ("mean_rate", "increments", "instant_rate")
 # what describes the solution of a fix and weighs nothing; fields of `GnssFixes` by name
 OF_THE_SOLUTION = ("satellites", "ratio", "age_s", "pdop", "hdop")
-FINEST_DEG = 1e-7  # a centimetre
+FINEST_DEG = 1e-7  # step of an angle (deg): a centimetre on the ground
 # m/s, standard deviation of a component of velocity that was not measured: far beyond any drone
 UNKNOWN_MPS = 1000.0
 

@@ -3,12 +3,9 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..records import Diagnostics, ExteriorOrientation
+from ..records import Array, Diagnostics, ExteriorOrientation
 from .statistics import without_fix
-
-Array = NDArray[np.float64]
 
 OUTAGE_MATTERS = 5.0  # times the median interval of the fixes
 SHORT_OUTAGE_S = 0.2  # an interval below which the same number of missing fixes does not matter

@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Diagnostics, ExteriorOrientation
+from ..records import Array, Diagnostics, ExteriorOrientation
 from ..records.interpolation import columns_at
-
-Array = NDArray[np.float64]
 
 # the course changes by less than the first angle from so long before to so long after, and by less
 # than the second from the line's first third to its last: gusts stay within (chosen)

@@ -20,14 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.gpstime import DAY_S, calendar_from_gps
-from ..records import Diagnostics, ExteriorOrientation
+from ..records import Array, Diagnostics, ExteriorOrientation
 from .charts.encoded import packed
 from .charts.run import track_rows
 from .coverage import outages, segments
 from .flightlines import flight_lines
 from .summary import image_sigmas
-
-Array = NDArray[np.float64]
 
 FLAGS = (
     "in an outage",

@@ -4,13 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation
 from .charts.gnss import VALIDATED_CODES
 from .flightlines import flight_lines
-
-Array = NDArray[np.float64]
 
 FLOAT_CODES = (2, 3, 4)  # of the classes of fixes (`charts.gnss.NAMES`)
 

@@ -10,12 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Diagnostics, ExteriorOrientation
+from ..records import Array, Diagnostics, ExteriorOrientation
 from .charts.chart import Shade
 from .coverage import outages, segments, stationary_periods
 from .flightlines import flight_lines
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +89,7 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
     nothing = np.stack([whole[:-1, 1], whole[1:, 0]], axis=1)
     return Marks(
         start=start,
-        label=f"minutes since TOW {start:.1f} s",
+        label=f"time after the start at TOW {start:.1f} s, min",
         lines=minutes(lines),
         stationary=minutes(stationary_periods(d)),
         outages=minutes(np.stack([without[:, 0], without.sum(axis=1)], axis=1)),

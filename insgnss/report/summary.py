@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.files import json_ready
 from ..geodesy.rotation import rpy_from_rotation
-from ..records import Diagnostics, Estimate, ExteriorOrientation
+from ..records import Array, Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
@@ -32,7 +32,6 @@ from .statistics import (
     rms_floor,
 )
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 MOST_FIXES_LISTED = 200  # rejected fixes in report.json, the first (chosen)

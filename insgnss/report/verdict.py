@@ -59,10 +59,10 @@ def run_verdict(summary: Mapping[str, Any]) -> Verdict:
     """Return the verdict on the run of a flight, by its `use` (`rules.use`)."""
     judged = summary["use"]
     mood_of: dict[str, Word] = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
-    return Verdict(mood_of[judged["verdict"]], _why(judged), judged["sentence"])
+    return Verdict(mood_of[judged["verdict"]], _why(judged, summary), judged["sentence"])
 
 
-def _why(judged: Mapping[str, Any]) -> str:
+def _why(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     """Return the reasons, or the need that all images are within."""
     if judged["reasons"] and judged["verdict"] != USE:
         return "; ".join(judged["reasons"])
@@ -76,6 +76,5 @@ def _why(judged: Mapping[str, Any]) -> str:
         if judged["measure"] == STATED_NEED
         else "as this receiver and this IMU allow; output.need_m states another need"
     )
-    return (
-        f"all images are known to {largest} (east, north, up) or better; needed: {need}, {measure}"
-    )
+    subject = "all images are" if summary["exposures"] else "the whole trajectory is"
+    return f"{subject} known to {largest} (east, north, up) or better; needed: {need}, {measure}"

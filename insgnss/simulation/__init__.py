@@ -5,7 +5,8 @@ It imports `base`, `geodesy`, `records`, `io`, `navigation`, `gnss` and `noise`;
 comes from closed forms, so that the core can be tested against it.
 
 The way of the data: a plan (`layout.py`, `path.py`) becomes an exact motion (`motion.py`), flown by
-`flights.py`, `manoeuvres.py` or `ground.py` (a recorded trajectory: `scripts/emulate.py`).
+`flights.py` or `ground.py` (circles, multirotors: `scripts/air_motions.py`; a recorded trajectory:
+`scripts/emulate.py`).
 `sensors.py` observes it, `faults.py` spoils the recording. `scenario.py` keeps a whole flight in
 memory (`simulate_flight`, `observe`); `dataset.py` writes it as files (`write_dataset`,
 `write_simulated`), with `description.py` beside them.

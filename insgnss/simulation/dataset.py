@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.advance import through, within
 from ..base.errors import UsageError
@@ -42,7 +41,7 @@ from ..navigation.noise_model.model import (
     shipped_models,
     write_noise_model,
 )
-from ..records import ImuSamples, Quantity
+from ..records import Array, ImuSamples, Quantity
 from .description import (
     BLOCK_FOLDER,
     BLOCK_TOML,
@@ -66,8 +65,6 @@ from .raw_gnss.rinex_files import ObservationTable, Station, write_navigation, w
 from .raw_gnss.scenario import SIGNALS, RawObservations, SimulatedGnss
 from .scenario import SimulatedFlight, simulate_flight
 from .sensors import ImuOptions, antenna_states
-
-Array = NDArray[np.float64]
 
 TARGETS = "01_Observations/Camera/GCPs"
 CHUNK_ROWS = 50_000  # rows of the IMU that are written at once

@@ -26,9 +26,7 @@ from numpy.typing import NDArray
 from ..base.errors import UsageError
 from ..navigation.noise_model.model import AxisNoise, GaussMarkov
 from ..noise.processes.realisation import simulate_noise
-from ..records import ImuSamples, Quantity
-
-Array = NDArray[np.float64]
+from ..records import Array, ImuSamples, Quantity
 
 FAULT_CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 _FREQUENCY_WANDER = GaussMarkov.from_sigma(5.0, 0.02)  # s, share of f: e of (V.1) (chosen)

@@ -34,7 +34,7 @@ SITE = LocalFrame(float(np.radians(46.57)), float(np.radians(6.54)), 510.0)
 MOTION_KNOT_S = 0.1  # of the spline: motions of up to some 2.5 Hz (chosen)
 SETTLE_S = 4.0  # beyond both ends of the record: longer than the smoothing reaches
 ONSET_S = 0.7  # smoothing that gives turns and climbs their onset (chosen)
-_G = 9.81  # m/s^2, for turns and attitudes alone: the sensors have normal gravity
+TURN_GRAVITY = 9.81  # m/s^2, for turns and attitudes alone: the sensors have normal gravity
 _ATTACK = np.radians(4.0)  # angle of attack at a load factor of one (chosen)
 _STANDING = np.radians([1.2, 3.0])  # roll and pitch on the ground
 _FLYING_MS = 6.0  # from here up the aircraft is carried by the air
@@ -161,11 +161,11 @@ def _control_points(
     position = base + gaussian_filter1d(
         position - base, ONSET_S / MOTION_KNOT_S, axis=0, mode="nearest"
     )
-    angles = _coordinated(position, ahead, plan.wind_l)
+    angles = coordinated(position, ahead, plan.wind_l)
     return np.hstack([position, angles + np.radians(np.stack(gust[2:], axis=-1))])
 
 
-def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
+def coordinated(position: Array, ahead: Array, wind: Array) -> Array:
     """(n, 3) roll, pitch, unwrapped yaw (F.1, F.2) of positions a knot apart.
 
     Parameters
@@ -173,13 +173,13 @@ def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
     ahead : unit vectors along the path, for the stand.
     """
     velocity = np.gradient(position, MOTION_KNOT_S, axis=0)
-    force = np.gradient(velocity, MOTION_KNOT_S, axis=0) - [0.0, 0.0, _G]
+    force = np.gradient(velocity, MOTION_KNOT_S, axis=0) - [0.0, 0.0, TURN_GRAVITY]
     airborne = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
     air = velocity + (1.0 - airborne) * ahead - airborne * wind
     level = np.hypot(air[:, 0], air[:, 1])
     right = (-air[:, 1] * force[:, 0] + air[:, 0] * force[:, 1]) / level
     roll = np.arctan2(right, -force[:, 2])
-    pitch = np.arctan2(-air[:, 2], level) + _ATTACK * np.hypot(right, force[:, 2]) / _G
+    pitch = np.arctan2(-air[:, 2], level) + _ATTACK * np.hypot(right, force[:, 2]) / TURN_GRAVITY
     tilt = _STANDING + airborne * (np.stack([roll, pitch], axis=-1) - _STANDING)
     return np.column_stack([tilt, np.unwrap(np.arctan2(air[:, 1], air[:, 0]))])
 

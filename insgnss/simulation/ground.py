@@ -16,14 +16,12 @@ shakes the car in roll and, by millimetres, up and down (some cm/s), as long as 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.errors import UsageError
+from ..records import Array
 from .flights import MOTION_KNOT_S, SITE, START_TOW, FlightMotion, flight_along, gusts
 from .motion import ExactMotion
 from .path import Route, SegmentPath, times_along
-
-Array = NDArray[np.float64]
 
 _TIMETABLE_STEP_M = 0.1  # of the timetable
 _BEND_SMOOTH_S = 0.4  # of smoothing

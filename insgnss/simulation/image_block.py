@@ -26,13 +26,12 @@ from ..io.formats.blocks.ground_points import GroundTable
 from ..io.formats.blocks.image_points import ImagePoints
 from ..io.options.kinds import check as hold
 from ..io.options.schema import option
-from ..records import ExteriorOrientation
+from ..records import Array, ExteriorOrientation
 from ..records.block import INTERIOR, BrownCamera, ImageObservations
 from ..records.cameras.camera import pixels_of
 from .layout import CORRIDOR, PLANS
 from .scenario import SimulatedFlight
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 PAPER_FREE = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")

@@ -18,14 +18,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.advance import share as share_done
 from ..base.advance import through, within
 from ..base.errors import UsageError
+from ..records import Array
 from .path import Pose, Route, SegmentPath, advance, times_along
 
-Array = NDArray[np.float64]
 Line = tuple[Pose, float, float]  # start, height above ground m, length m
 
 _PROFILE_STEP_M = 0.5  # of the speed profile

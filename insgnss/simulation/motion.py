@@ -34,19 +34,18 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.advance import through
 from ..base.errors import UsageError
 from ..geodesy.frames import LocalFrame
 from ..geodesy.rotation import rotation_from_rpy
-from ..records import QUANTITIES, ImuSamples, Quantity
+from ..records import QUANTITIES, Array, ImuSamples, Quantity
 from ._kernels import integrate_signals, sample_signals
 
 PIECE_INTERVALS = 100_000  # intervals that are integrated at once
 PIECE_MARGIN = 0.1  # of a piece of the path: from its ends, where rounding decides
 
-Array = NDArray[np.float64]
 
 # 120 times the B-spline of degree five on an interval: a row for each power of its fraction
 _BASIS = np.array(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..base.advance import within
 from ..base.errors import UsageError, near
 from ..geodesy.frames import TangentPlane
-from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
+from ..records import Array, CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
 from .flights import START_TOW, FlightMotion, fly
 from .ground import drive, walk
 from .layout import PLANS, FlightPlan
@@ -22,7 +22,6 @@ from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, 
 if TYPE_CHECKING:
     from ..records.cameras.mounting import Mounting
 
-Array = NDArray[np.float64]
 
 JOURNEYS = {"car": drive, "walk": walk}
 JOURNEY_MIN = 5.0  # of a car or a walk without --minutes (chosen)

@@ -26,19 +26,17 @@ engine are `faults.Vibration`).
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.advance import through, within
 from ..base.errors import UsageError
 from ..geodesy.rotation import nearest_rotation
 from ..navigation.noise_model.model import AxisNoise, NoiseModel, load_noise_model
 from ..noise.processes.realisation import simulate_noise
-from ..records import CameraEvents, ImuSamples, Quantity
+from ..records import Array, CameraEvents, ImuSamples, Quantity
 from .faults import ImuFaults
 from .flights import FlightMotion
 from .motion import ExactMotion
-
-Array = NDArray[np.float64]
 
 MOVES_MS = 1.0  # speed above which vibration is added to white noise (chosen)
 # T and B of paper 000

@@ -125,7 +125,8 @@ def test_arrays_and_tables_give_the_same(form, records, estimated, flight):
     else:
         given = [{"time": imu.time, "gyro": imu.gyro, "accel": imu.accel}]
         given += [{"tow": gnss.time, "lat_rad": gnss.lat, "lon_rad": gnss.lon, "h_m": gnss.height}]
-        given += [{"image": events.images, "tow": events.time}]
+        given += [{"filename": events.images, "tow": events.time}]
+        plane = insgnss.TangentPlane(*np.radians(plane[:2]), plane[2])
         more = {"gnss_sigma_m": SIGMA_M, "gps_week": 2008}
     result = insgnss.estimate(
         *given,

@@ -187,8 +187,8 @@ def test_angles_in_degrees_and_seconds_since_1970_are_refused_by_their_name():
     assert camera_events(np.array([1530607800.0])).time[0] == 1530607800.0
     with pytest.raises(InputError, match="no exposure in the table; leave events out"):
         camera_events([])
-    (note,) = camera_events({"name": ["a"], "tow": [1.0]}).notes
-    assert "columns: name, tow" in note.found
+    (note,) = camera_events({"camera": ["a"], "tow": [1.0]}).notes
+    assert "columns: camera, tow" in note.found
 
 
 def test_capitals_of_columns_do_not_matter():

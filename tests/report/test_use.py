@@ -153,6 +153,7 @@ def test_without_a_camera_the_trajectory_is_judged(diagnostics, summary) -> None
     for need, verdict in (((0.0021, 0.0031, 0.0041), "use"), ((0.0021, 0.0029, 0.0041), "no")):
         s = summary(diagnostics(), None, **with_need(need_m=need))
         assert (s["use"]["verdict"], s["use"]["images"]) == (verdict, [])
+        assert ("the whole trajectory is known to" in run_verdict(s).why) == (verdict == "use")
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from air_motions import circles, multirotor
 
 from insgnss.base.errors import UsageError
-from insgnss.simulation.manoeuvres import circles, multirotor
 
 G = 9.81
 

@@ -44,10 +44,10 @@ import numba  # noqa: E402 which reads its variables now
 
 __all__ = ["end_turn", "njit", "take_turn", "unkept"]
 
-F = TypeVar("F", bound=Callable[..., Any])
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
-def njit(allocates: bool = True, **options: Any) -> Callable[[F], F]:
+def njit(allocates: bool = True, **options: Any) -> Callable[[Kernel], Kernel]:
     """Return a decorator that compiles a function when it is first called and keeps it on disk.
 
     Parameters
@@ -70,8 +70,8 @@ def njit(allocates: bool = True, **options: Any) -> Callable[[F], F]:
     if not allocates:
         options = {"_nrt": False, "error_model": "numpy", "fastmath": {"contract"}} | options
 
-    def define(function: F) -> F:
-        compiled: F | None = None
+    def define(function: Kernel) -> Kernel:
+        compiled: Kernel | None = None
         try:
             compiled = numba.njit(**options)(function)
         except RuntimeError as error:  # numba finds no directory that it can write
@@ -81,7 +81,7 @@ def njit(allocates: bool = True, **options: Any) -> Callable[[F], F]:
         kept = getattr(compiled, "_cache", None)
         if compiled is None or not keep_soundly(kept, Path(function.__code__.co_filename)):
             # or a numba with other inner names: always compiling is slow, never outdated
-            uncached: F = numba.njit(**options | {"cache": False})(function)
+            uncached: Kernel = numba.njit(**options | {"cache": False})(function)
             return uncached
         load_what_runs(kept)
         compile_bare_for_callers(compiled)

@@ -29,8 +29,8 @@ except ImportError:  # Windows
 PREFIX = ".insgnss-run-"
 SCRATCH_NAME = re.compile(re.escape(PREFIX) + "[a-z0-9_]{8}")  # the letters of mkdtemp
 ABANDONED_S = 7 * 86400.0  # age (s) of a scratch directory without lock: no run lasts as long
-MORE_BYTES = 1 << 17  # beyond what is left of the last block of a file on any file system
-MOST_WAIT_S = 10.0  # wait (s) for another run's moves, which take milliseconds
+MORE_BYTES = 1 << 17  # bytes written to try a disk: more than the last block of a file leaves
+MOST_WAIT_S = 10.0  # wait for another run's moves (s): they take milliseconds
 
 
 class Scratch:

@@ -24,7 +24,7 @@ from .unfinished import UNFINISHED_MARK, flush_directory, mark, marked
 
 MOST_FLUSHED = 100  # files that are flushed one by one: each takes the disk some ms (chosen)
 OTHER_DIRECTORY, FREE = "give another directory", "check permission and free space"
-FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
+DISK_FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
 Move = tuple[Path | None, Path]
 """Source and goal; without a source the goal is removed."""
@@ -315,7 +315,7 @@ def _flush(sources: list[Path]) -> None:
         try:
             os.fsync(descriptor)
         except OSError as error:
-            if error.errno in FULL:
+            if error.errno in DISK_FULL:
                 raise
         finally:
             os.close(descriptor)
@@ -368,7 +368,7 @@ def _location(staging: Staging, error: OSError) -> Path | None:
     path = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
     if path is not None and staging.holds(path):
         return staging.destination(path)
-    return candidates[0] if error.errno in FULL and candidates else None
+    return candidates[0] if error.errno in DISK_FULL and candidates else None
 
 
 @contextmanager

@@ -39,7 +39,7 @@ CIRCLE_RADIUS_M, PERIOD_S, BANK_DEG = 150.0, 60.0, 12.0
 ORIGIN = (np.radians(46.57), np.radians(6.54), 600.0)
 LIMIT_M, LIMIT_DEG = 3e-4, 1e-7  # ten times what the integration leaves
 # of Gauss and Legendre, three points an interval
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+_LEGENDRE_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def _increments(frame: LocalFrame, marks: Array) -> Increments:
     """Return what an IMU without errors measures on the circle (I.2)."""
     n = round(CIRCLE_S / SAMPLE_INTERVAL_S)
     start = np.arange(n) * SAMPLE_INTERVAL_S
-    t = (start[:, None] + SAMPLE_INTERVAL_S * (1.0 + _NODES) / 2.0).ravel()
+    t = (start[:, None] + SAMPLE_INTERVAL_S * (1.0 + _LEGENDRE_NODES) / 2.0).ravel()
     p, v, C_lb, a = _path(t)
     lat, lon, h = frame.geodetic_from_position(p)
     g = frame.C_ln(lat, lon)[..., 2] * normal_gravity(lat, h)[:, None]

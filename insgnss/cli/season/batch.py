@@ -16,7 +16,7 @@ EXAMPLE = """  insgnss batch season
   insgnss batch "season/*/flight.toml" --workers 4 --parquet
   insgnss batch flights.csv --out overview
   insgnss batch season --scheduler tcp://10.0.0.5:8786"""
-SELDOM_S = 20.0  # between lines of progress where no terminal renews one
+SELDOM_S = 20.0  # time between lines of progress without a terminal (s): logs stay short
 
 
 def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:

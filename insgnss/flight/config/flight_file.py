@@ -297,6 +297,10 @@ class Flight(Checked):
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane
         if plane is not None and not isinstance(plane, TangentPlaneOptions):
+            from ...geodesy.frames import TangentPlane
+
+            if isinstance(plane, TangentPlane):
+                plane = (math.degrees(plane.lat), math.degrees(plane.lon), plane.height)
             item = declared(TangentPlaneTable)["origin"]
             object.__setattr__(
                 self, "tangent_plane", TangentPlaneOptions(*accepted(item, plane, "tangent_plane"))

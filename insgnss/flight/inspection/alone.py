@@ -140,14 +140,14 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     `counts` : whether the gyro's unit is unknown.
     """
     share = sensing.rest_s / sensing.length_s
-    rest = answer(
+    stationary = answer(
         "at rest",
         f"{sensing.rest_s:.0f} s",
         MOST_CONFIDENCE if share > 0.0 else 0.9,
         f"{share:.0%} of the recording, {len(sensing.stationary)} stationary periods",
     )
     if not sensing.rest_s:
-        return (rest,)
+        return (stationary,)
     axis = int(np.argmax(np.abs(sensing.mean_accel)))
     lean = float(np.degrees(np.arccos(abs(sensing.mean_accel[axis]) / sensing.gravity)))
     sense = "up" if sensing.mean_accel[axis] > 0.0 else "down"
@@ -159,11 +159,11 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     )
     if counts:
         return (
-            rest,
+            stationary,
             vertical,
             unknown("Earth rate", "the unit of the gyros is not known"),
         )
-    return rest, vertical, _earth(sensing.mean_gyro, sensing)
+    return stationary, vertical, _earth(sensing.mean_gyro, sensing)
 
 
 def _earth(mean: Array, sensing: Sensing) -> Finding:

@@ -95,7 +95,30 @@ def discover(paths: Sequence[Path]) -> Discovery:
             sources += file_sources
             if not file_sources:
                 left_out.append(LeftOut(file, _why_not(file)))
-    return Discovery(tuple(sources), tuple(left_out))
+    return Discovery(tuple(_exposures_apart(sources)), tuple(left_out))
+
+
+def _exposures_apart(sources: list[InputSource]) -> list[InputSource]:
+    """Take tables of positions with images for exposures where another table has fixes.
+
+    So are the camera messages of an autopilot, beside those of its receiver.
+    """
+    fixes = [source for source in sources if source.role == "gnss"]
+    if len(fixes) < 2 or any(source.role == "events" for source in sources):
+        return sources
+    exposures = {
+        source.path: listed
+        for source in fixes
+        if source.path.suffix.lower() not in ARRAY_ENDINGS
+        and (listed := exposures_of(source.path)[0])
+    }
+    if len(exposures) == len(fixes):
+        return sources
+    return [
+        one
+        for source in sources
+        for one in (exposures.get(source.path, [source]) if source in fixes else [source])
+    ]
 
 
 def _walk(root: Path) -> Iterator[Path]:

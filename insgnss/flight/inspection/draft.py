@@ -100,21 +100,21 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
     """
     path = path / "flight.toml" if path.is_dir() else path
     parts: dict[Path, Any] = {}
-    own = "" if path.stem == "flight" else f"{path.stem}_"
+    prefix = "" if path.stem == "flight" else f"{path.stem}_"
     if draft.noise is not None:
-        parts[path.with_name(own + NOISE_FILE)] = draft.noise
+        parts[path.with_name(prefix + NOISE_FILE)] = draft.noise
     if draft.picture is not None:
-        parts[path.with_name(own + PICTURE_FILE)] = draft.picture
+        parts[path.with_name(prefix + PICTURE_FILE)] = draft.picture
     if draft.page is not None:
-        parts[path.with_name(own + PAGE_FILE)] = draft.page
+        parts[path.with_name(prefix + PAGE_FILE)] = draft.page
     parts[path] = draft.text(path.absolute().parent).replace(
-        f"noise = {toml(NOISE_FILE)}", f"noise = {toml(own + NOISE_FILE)}"
+        f"noise = {toml(NOISE_FILE)}", f"noise = {toml(prefix + NOISE_FILE)}"
     )
-    there = [str(file) for file in parts if file.exists()]
-    if there and not force:
-        verb = "exists" if len(there) == 1 else "exist"
+    existing = [str(file) for file in parts if file.exists()]
+    if existing and not force:
+        verb = "exists" if len(existing) == 1 else "exist"
         raise UsageError(
-            f"{', '.join(there)} already {verb}; nothing written; give another path with"
+            f"{', '.join(existing)} already {verb}; nothing written; give another path with"
             " --write FLIGHT, or overwrite with --force"
         )
     with together():

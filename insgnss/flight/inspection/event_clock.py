@@ -109,13 +109,13 @@ def scale_of_dates(
     scales = ("utc", "gpst", *(f"utc{hours:+03d}:00" for hours in HOURS if hours))
     read = {s: read_events(source.path, columns=columns, time_scale=s) for s in scales}
     times = [in_week(read[scale], week).time for scale in scales]
-    off = dict(zip(scales, exposures_off_lines(times, fixes), strict=True))
-    best, second = sorted(off, key=lambda scale: off[scale])[:2]
-    if off[best] > OFF_LINES * count or off[second] < max(CLEARER * off[best], FEWEST_OFF):
+    misses = dict(zip(scales, exposures_off_lines(times, fixes), strict=True))
+    best, second = sorted(misses, key=lambda scale: misses[scale])[:2]
+    if misses[best] > OFF_LINES * count or misses[second] < max(CLEARER * misses[best], FEWEST_OFF):
         return source, events
     why = (
-        f"the file does not state the scale: as {best} {count - off[best]} of {count} exposures"
-        f" lie on straight flight lines, as {second} {count - off[second]}"
+        f"the file does not state the scale: as {best} {count - misses[best]} of {count} exposures"
+        f" lie on straight flight lines, as {second} {count - misses[second]}"
     )
     keys = source.keys | {"time_scale": best}
     return replace(source, keys=keys, why=source.why | {"time_scale": why}), read[best]
@@ -126,11 +126,11 @@ def _are_samples(events: CameraEvents, imu: ImuSamples) -> bool:
     if events.time.size < FEWEST_OF_SAMPLES:
         return False
     near = np.clip(np.searchsorted(imu.time, events.time), 1, imu.time.size - 1)
-    off = np.minimum(np.abs(imu.time[near] - events.time), np.abs(imu.time[near - 1] - events.time))
+    gap = np.minimum(np.abs(imu.time[near] - events.time), np.abs(imu.time[near - 1] - events.time))
     # stamps rounded to the interval of the samples would be theirs by chance
     interval = float(np.median(np.diff(imu.time)))
     grid = np.abs(events.time / interval - np.round(events.time / interval))
-    return bool(off.max() < SAME_SAMPLE_S and (grid.max() > 1.0 / LONGER or _uneven(imu.time)))
+    return bool(gap.max() < SAME_SAMPLE_S and (grid.max() > 1.0 / LONGER or _uneven(imu.time)))
 
 
 def _uneven(time: np.ndarray) -> bool:

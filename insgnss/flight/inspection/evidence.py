@@ -155,17 +155,17 @@ def likely_axes(source: InputSource, imu: ImuSamples, recognition: Recognition |
     if source.axes:
         return AxesFound(source.axes, "by the convention of the format", True)
     up = np.median(imu.accel, axis=0)
-    words, axis = vertical_axes(up)
+    directions, axis = vertical_axes(up)
     steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(
         np.median(np.linalg.norm(imu.accel, axis=1))
     )
-    forward = "xyz"[words.split().index("forward")]
+    forward = "xyz"[directions.split().index("forward")]
     why = (
         f"gravity shows the vertical, the IMU's {axis} axis; the motion does not show which way is"
         f" forward, so the body's forward is defined as {forward} here, and"
         " mounting.camera_from_body refers to it"
     )
-    return AxesFound(words, why, steady)
+    return AxesFound(directions, why, steady)
 
 
 def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
@@ -177,14 +177,14 @@ def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
         The axes in words, and the IMU axis that is vertical.
     """
     axis = int(np.argmax(np.abs(mean_force)))
-    words = ["", "", ""]
-    words[axis] = "up" if mean_force[axis] > 0.0 else "down"
+    names = ["", "", ""]
+    names[axis] = "up" if mean_force[axis] > 0.0 else "down"
     first, second = [k for k in range(3) if k != axis]
-    words[first], words[second] = "forward", "right"
-    C = np.column_stack([np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in words])
+    names[first], names[second] = "forward", "right"
+    C = np.column_stack([np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in names])
     if np.linalg.det(C) < 0.0:
-        words[second] = "left"
-    return " ".join(words), "xyz"[axis]
+        names[second] = "left"
+    return " ".join(names), "xyz"[axis]
 
 
 def in_words(finding: Any) -> str:

@@ -73,12 +73,12 @@ def in_words(camera_from_body: ArrayLike, vector: ArrayLike) -> str:
     if not a.any():
         return "at the camera, since nothing says otherwise: measure it from the lens"
     b = T.T @ a
-    words = [
+    sentences = [
         f"{abs(x):.3f} m {BODY_DIRECTIONS[2 * k + (0 if x > 0.0 else 1)]}"
         for k, x in enumerate(b)
         if abs(x) >= 5e-4
     ]
-    return f"{', '.join(words) or '0 m'} of the camera"
+    return f"{', '.join(sentences) or '0 m'} of the camera"
 
 
 def drawn_as_svg(camera_from_body: ArrayLike, antenna_m: ArrayLike, imu_m: ArrayLike) -> str:

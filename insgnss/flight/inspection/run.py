@@ -88,8 +88,8 @@ class Inspection(InspectionData, Charted):
         if recognition is None:
             return ()
         poses = recognition.curves.get("orientation", ())
-        words = [axes_words(C) for C in poses]
-        return recognition_charts(recognition.curves, recognition.findings, words)
+        labels = [axes_words(C) for C in poses]
+        return recognition_charts(recognition.curves, recognition.findings, labels)
 
     def picture(self) -> bytes | None:
         """Return a PNG of what was recognised; None without a receiver."""
@@ -162,8 +162,8 @@ def inspect_files(
     recognition, unrecognised = recognised(imu, gnss)
     if recognition is not None and recognition.exchanges:
         imu_source, imu, recognition = right_handed(imu_source, imu, recognition)
-        others = [source for source in sources if source.role != "imu"]
-        sources = (imu_source, *others)
+        aiding = [source for source in sources if source.role != "imu"]
+        sources = (imu_source, *aiding)
     if recognition is not None:
         recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
@@ -194,9 +194,9 @@ def _choose(
         halves = of_two_halves(discovery.of("gyro"), discovery.of("accel"))
         samples = () if halves is None else (halves,)
     if not samples:
-        there = _listed(discovery) or "no files that could be a recording"
+        listed = _listed(discovery) or "no files that could be a recording"
         raise InputError(
-            f"{where}: no samples of an IMU found; there are {there}; name its file, or say its"
+            f"{where}: no samples of an IMU found; there are {listed}; name its file, or say its"
             " columns in a flight file"
         )
     if len(samples) > 1:
@@ -220,11 +220,11 @@ def _listed(discovery: Discovery) -> str:
         for file in discovery.left_out
         if file.problem
     ]
-    others = [file.path.name for file in discovery.left_out if not file.problem]
+    unused = [file.path.name for file in discovery.left_out if not file.problem]
     names = [
         *damaged,
         *(f"{source.path.name} ({source.what})" for source in discovery.sources),
-        *others,
+        *unused,
     ]
     return some(names, MOST_LISTED, "; ")
 
@@ -355,8 +355,8 @@ def _inspection(recorded: Recorded) -> Inspection:
     )
     checks = list(raw.notes)
     if stamped is not None:
-        apart = classes_apart(stamped)
-        stamped = with_floors(stamped, {q: tuple(sigma) for q, (_, sigma, _) in apart.items()})
+        classes = classes_apart(stamped)
+        stamped = with_floors(stamped, {q: tuple(sigma) for q, (_, sigma, _) in classes.items()})
         of_motion = check_recording(
             imu, parse_axes(axes.words), stamped, recorded.events, None, _forces(recognition)
         )

@@ -109,8 +109,8 @@ class Sensing:
         if not self.rest_s > 30.0:
             return False
         error = float(np.linalg.norm(self.rest_gyro)) / np.sqrt(self.rest_s)
-        off = abs(float(np.linalg.norm(self.mean_gyro)) - EARTH_RATE)
-        return bool(off < EARTH_SHARE * EARTH_RATE and error < EARTH_SHARE * EARTH_RATE)
+        difference = abs(float(np.linalg.norm(self.mean_gyro)) - EARTH_RATE)
+        return bool(difference < EARTH_SHARE * EARTH_RATE and error < EARTH_SHARE * EARTH_RATE)
 
     @property
     def grade(self) -> Grade:
@@ -129,7 +129,7 @@ def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     values = np.column_stack([imu.gyro, imu.accel]) * scale
     periods = stationary_periods(imu, gnss)
-    rest = float(np.sum(periods.time[:, 1] - periods.time[:, 0])) if len(periods) else 0.0
+    stationary_s = float(np.sum(periods.time[:, 1] - periods.time[:, 0])) if len(periods) else 0.0
     if len(periods):
         mean = [
             np.average(m, axis=0, weights=periods.samples)
@@ -144,7 +144,7 @@ def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
         1.0 / dt,
         length,
         periods,
-        rest,
+        stationary_s,
         mean[0],
         mean[1],
         quiet[:3],

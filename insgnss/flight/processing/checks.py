@@ -259,11 +259,11 @@ def check_mountings(flight: Flight) -> list[Finding]:
     list of Finding
         One a camera, one without a camera.
     """
-    first, *others = flight.mountings
+    first, *further = flight.mountings
     checks = [_check_mounting(flight, first)]
     names = () if flight.camera is None else flight.camera.names[1:]
-    given = () if flight.camera is None else flight.camera.further
-    for name, camera, mounting in zip(names, given, others, strict=True):
+    cameras = () if flight.camera is None else flight.camera.further
+    for name, camera, mounting in zip(names, cameras, further, strict=True):
         check = _check_mounting(flight, mounting)
         if camera.mounting is None and check.verdict == "ok":
             check = replace(
@@ -314,14 +314,14 @@ def _check_mounting(flight: Flight, m: Mounting) -> Finding:
         return Question("mounting", f"lever arms below {OTHER_UNIT_M:g} m").contradiction(
             f"longest lever arm {lever:.3f} m", "lever arms are in m: are these in mm or cm?"
         )
-    odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
+    unusual = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
     return Question(
         "mounting",
         f"lever arms below {LONG_LEVER_M:g} m, bore-sight below {LARGE_BORESIGHT_DEG:g} deg",
     ).note(
         f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg",
         "the data cannot tell: check units, signs and mounting by hand",
-        when=odd,
+        when=unusual,
     )
 
 
@@ -347,28 +347,28 @@ def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Find
 
 
 def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> Finding:
-    made, odd = source.made, []
-    if made.date:
-        days = (day - date.fromisoformat(made.date)).days
+    file, notes = source.made, []
+    if file.date:
+        days = (day - date.fromisoformat(file.date)).days
         if abs(days) > source.max_age_days:
             when = "before" if days < 0 else "after"
-            odd.append(
-                f"flown {abs(days)} days {when} its calibration data of {made.date} (limit"
+            notes.append(
+                f"flown {abs(days)} days {when} its calibration data of {file.date} (limit"
                 f" {source.max_age_days:g}, mounting.max_age_days)"
             )
-    odd += _other_camera(made, camera_of(flight))
+    notes += _other_camera(file, camera_of(flight))
     for key in ("antenna_m", "imu_m"):
-        if key in made.not_determined and not np.any(getattr(flight.mounting, key)):
-            odd.append(f"the calibration did not determine {key}, and the flight file gives none")
+        if key in file.not_determined and not np.any(getattr(flight.mounting, key)):
+            notes.append(f"the calibration did not determine {key}, and the flight file gives none")
     name = "mounting file"
     expected = "the camera of the flight, calibrated near its date"
-    if not odd:
+    if not notes:
         return Question(name, expected).ok(f"{source.file.name} gives {', '.join(source.keys)}")
     advice = (
         "lever arms, bore-sight and delay are those of the camera, its lens and its mount: take"
         " the file of this one, or calibrate it again"
     )
-    return Question(name, expected).note(f"{source.file.name}: {'; '.join(odd)}", advice)
+    return Question(name, expected).note(f"{source.file.name}: {'; '.join(notes)}", advice)
 
 
 def camera_of(flight: Flight) -> CameraTags | None:
@@ -384,25 +384,25 @@ def camera_of(flight: Flight) -> CameraTags | None:
         return None
 
 
-def _other_camera(made: MountingFile, camera: CameraTags | None) -> list[str]:
+def _other_camera(file: MountingFile, camera: CameraTags | None) -> list[str]:
     """Say in what the camera of the images is another one than the calibrated."""
     if camera is None:
         return []
-    odd = []
-    if made.camera and camera.model and not _same_name(made.camera, camera.model):
-        odd.append(f"it is of the camera {made.camera!r}, the images are of {camera.model!r}")
-    sizes = made.image_size, camera.image_size
+    notes = []
+    if file.camera and camera.model and not _same_name(file.camera, camera.model):
+        notes.append(f"it is of the camera {file.camera!r}, the images are of {camera.model!r}")
+    sizes = file.image_size, camera.image_size
     if sizes[0] is not None and sizes[1] is not None and sorted(sizes[0]) != sorted(sizes[1]):
         text = " and ".join(f"{size[0]} x {size[1]}" for size in sizes if size)
-        odd.append(f"images of {text} pixels, of the calibration and of the flight")
-    elif made.focal_px and camera.focal_px:
-        share = camera.focal_px / made.focal_px - 1.0
+        notes.append(f"images of {text} pixels, of the calibration and of the flight")
+    elif file.focal_px and camera.focal_px:
+        share = camera.focal_px / file.focal_px - 1.0
         if abs(share) > OTHER_LENS:
-            odd.append(
-                f"focal length {made.focal_px:.0f} px, that of the images {camera.focal_px:.0f} px"
+            notes.append(
+                f"focal length {file.focal_px:.0f} px, that of the images {camera.focal_px:.0f} px"
                 f" by their Exif ({100 * share:+.0f} %, limit {100 * OTHER_LENS:.0f} %)"
             )
-    return odd
+    return notes
 
 
 def _same_name(calibrated: str, model: str) -> bool:

@@ -33,7 +33,7 @@ from .segment import Segment
 
 WHOLE_S = 0.5  # half of the smallest difference of scales, a leap second: latencies are below
 FOUND_SIGMAS = 3.0  # of an offset, below which stamps stay on their grid: it may be noise
-EPOCHS = ("unix", "gps")  # units of time that count from an epoch begin so
+UNITS_SINCE_EPOCH = ("unix", "gps")  # units of time that count from an epoch begin so
 # formats whose week is the flight file's unless their stamps count from an epoch: tables of any
 # program
 TABLES = ("gnss_text", "matlab", "npy")
@@ -137,7 +137,7 @@ def _is_dated(flight: Flight, gnss: GnssFixes) -> bool:
 
 
 def _counts_from_epoch(units: Mapping[str, str] | None) -> bool:
-    return split_unit((units or {}).get("time", "s"))[1].startswith(EPOCHS)
+    return split_unit((units or {}).get("time", "s"))[1].startswith(UNITS_SINCE_EPOCH)
 
 
 def _fixes_are_gpst(flight: Flight, gnss: GnssFixes) -> bool:

@@ -31,14 +31,14 @@ from ...records.series import ConstantSeries
 from ...records.states import OF_LEVER_ARM, TIME_OFFSET
 from ...report.rules.accuracy import GOOD_HEADING_DEG
 from ..config.flight_file import Flight
-from ..sensors.trials import ANTENNAS, trial_sensors
+from ..sensors.trials import ANTENNA_PAIR, trial_sensors
 from .recording import Recording
 from .segment import Segment
 
 # epochs of a flight up to which every sensor is tried: each takes a pass of filter and smoother,
 # half a second there
 MOST_TRIED_EPOCHS = 15_000
-HELPS = 0.8  # of the sigma without it: less gain is no reason to buy a sensor (chosen)
+SENSOR_HELPS = 0.8  # of the sigma without it: less gain is no reason to buy a sensor (chosen)
 
 
 @dataclass(frozen=True)
@@ -235,6 +235,6 @@ def tried_sensors(recording: Recording, segments: Sequence[Segment]) -> dict[str
     tried_deg = {
         name: median_deg([heading_with(s, sensor)[s.event_epochs] for s in solutions])
         for name, sensor in trial_sensors().items()
-        if short or name == ANTENNAS
+        if short or name == ANTENNA_PAIR
     }
-    return {name: deg for name, deg in tried_deg.items() if deg < HELPS * before_deg}
+    return {name: deg for name, deg in tried_deg.items() if deg < SENSOR_HELPS * before_deg}

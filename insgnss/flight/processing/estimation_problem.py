@@ -1,7 +1,7 @@
 """The estimation problem of a segment: its increments, measurements and error states."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,7 +28,14 @@ from ...navigation.prepare.clock import cut_fixes
 from ...navigation.prepare.increments import merge_marks
 from ...records import Array, GnssFixes
 from ...records.measurements import Measurement
-from ...records.states import LEVER_ARM, MISALIGNMENT, SCALE_FACTOR, TIME_OFFSET, State
+from ...records.states import (
+    LEVER_ARM,
+    MISALIGNMENT,
+    OF_GYROS,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 from ..config.flight_file import Flight
 from .recording import Recording
 
@@ -175,17 +182,15 @@ def layout_factory(
         else BarometerErrors(barometer.bias_sigma_m, barometer.bias_walk, barometer.scale_sigma)
     )
 
-    requested = [
-        replace(state, sensor=sensor)
-        for state, is_requested in (
-            (State(SCALE_FACTOR), options.scale_factor),
-            (State(MISALIGNMENT, unit="rad"), options.misalignment),
-        )
-        for sensor in ("gyro", "accel")
-        if is_requested
-    ]
+    requested: list[State] = []
+    if options.scale_factor:
+        requested += [State(SCALE_FACTOR, sensor=sensor) for sensor in ("gyro", "accel")]
+    if options.misalignment:
+        requested += [*OF_GYROS, State(MISALIGNMENT, unit="rad", sensor="accel")]
 
     def layout(errors: FixErrors, imu: ImuErrors = AS_STATED) -> StateLayout:
+        wide = imu.scale_factor is not None or imu.misalignment is not None
+        every = wide and not imu.constants
         return state_layout(
             imu.of(noise),
             options.scale_factor or imu.scale_factor is not None,
@@ -194,7 +199,7 @@ def layout_factory(
             of_barometer,
             imu.slow,
             measurements,
-            (*imu.constants, *requested) if imu.constants else (),
+            () if every else (*imu.constants, *requested),
         )
 
     return layout
@@ -242,7 +247,7 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     """
     options, gnss = flight.filter, flight.gnss
     correlated, time_s = unfixed_solutions(fixes)
-    off = gnss.gm_sigma == "off"
+    gm_off = gnss.gm_sigma == "off"
     stated = stated_constants(flight)
     return FixErrors(
         lever_arm_m=(
@@ -259,11 +264,11 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
         gm_sigma=None if isinstance(gnss.gm_sigma, str) else (gnss.gm_sigma,) * 3,
         correlation_time_s=gnss.correlation_time_s,
         white_scale=(gnss.white_scale,) * 3,
-        unfixed_gm_sigma=1.0 if not off and correlated.any() else None,
+        unfixed_gm_sigma=1.0 if not gm_off and correlated.any() else None,
         unfixed_correlation_time_s=time_s,
         unfixed_white_scale=(
             gnss.white_scale
-            if off
+            if gm_off
             else WHITE_OF_CORRELATED
             if gnss.gm_sigma != "auto" or not correlated.all()
             # of code solutions alone the data tell (`navigation.diagnosis.time_correlated`)

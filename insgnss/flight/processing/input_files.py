@@ -55,9 +55,9 @@ def input_files(flight: Flight) -> list[Path]:
         *(file for imu in imus for file in (imu.file, imu.accel_file)),
         *(imu.calibration for imu in imus),
     ]
-    own = flight.path if flight.path.exists() else None
-    given = [own, *flight.included, *of_imus, flight.gnss.file]
-    files = [file for file in given if isinstance(file, Path)]  # an object has no file
+    flight_file = flight.path if flight.path.exists() else None
+    paths = [flight_file, *flight.included, *of_imus, flight.gnss.file]
+    files = [file for file in paths if isinstance(file, Path)]  # an object has no file
     if flight.gnss.raw is not None:
         files += flight.gnss.raw.files
     if flight.barometer is not None and isinstance(flight.barometer.file, Path):
@@ -90,8 +90,8 @@ def measurements(flight: Flight) -> list[Path]:
     """
     raw = flight.gnss.raw
     observed = () if raw is None else (*all_of(raw.rover), *all_of(raw.base))
-    given = [flight.imu.file, flight.gnss.file, *observed]
-    return [file for file in given if isinstance(file, Path)]
+    paths = [flight.imu.file, flight.gnss.file, *observed]
+    return [file for file in paths if isinstance(file, Path)]
 
 
 def read_files(
@@ -123,7 +123,7 @@ def read_files(
         return imus, _read_fixes(flight.gnss, week, imus[0]), (), None
     trigger = None if camera is None else own_events(camera, week)
     # the images of the first camera are not those of another one that its trigger exposes
-    shared = camera is not None and any(other.events is None for other in camera.further)
+    shared = camera is not None and any(c.events is None for c in camera.further)
     named_early = None if camera is None or trigger is None else with_names(trigger, camera)
     if raw is None:
         fixes, ppk = _read_fixes(flight.gnss, week, imus[0]), None
@@ -192,10 +192,10 @@ def read_imus(flight: Flight) -> tuple[Device, ...]:
     first = read_imu_file(flight.imu, flight.gps_week)
     week = first.samples.gps_week if flight.gps_week is None else flight.gps_week
     further = [read_imu_file(options, week) for options in flight.imu.further]
-    for k, other in enumerate(further, start=2):
-        if np.array_equal(other.samples.gyro, first.samples.gyro):
+    for k, twin in enumerate(further, start=2):
+        if np.array_equal(twin.samples.gyro, first.samples.gyro):
             raise InputError(
-                f"{flight.path}: imu.further: IMU {k} ({other.samples.source}) is the first IMU"
+                f"{flight.path}: imu.further: IMU {k} ({twin.samples.source}) is the first IMU"
                 " again; give its own file or columns"
             )
     return (first, *further)

@@ -25,7 +25,7 @@ from ...records import Diagnostics, ExteriorOrientation, Finding, Trajectory
 from ...records.strips import CommonErrors, StripCovariance
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
-from ..sensors.trials import ANTENNAS
+from ..sensors.trials import ANTENNA_PAIR
 from .checks import refuse_contradictions, refuse_unobservable
 from .clocks import on_gpst
 from .diagnostics import constants_of, report_rows, run_diagnostics, tried_sensors
@@ -110,9 +110,9 @@ def _process(
     compare: Comparison | None,
 ) -> ProcessResult:
     directory = output_directory(flight, out) if write else None
-    others = None if directory is None or force else overwriting(flight, directory, out)
-    if others is not None and flight.gnss.raw is not None:
-        raise others  # the engine would take minutes
+    overwritten = None if directory is None or force else overwriting(flight, directory, out)
+    if overwritten is not None and flight.gnss.raw is not None:
+        raise overwritten  # the engine would take minutes
     clock = StepClock(progress)
     compile_ahead()
 
@@ -121,8 +121,8 @@ def _process(
     inputs = Beside(lambda: {relative(f, flight.path.parent): sha256(f) for f in files})
     recording = read_recording(flight)
     refuse_contradictions(flight, recording.checks)
-    if others is not None:
-        raise others  # a file that is broken was said before
+    if overwritten is not None:
+        raise overwritten  # a file that is broken was said before
     if write and recording.cameras:
         refuse_image_names(flight, [i for c in recording.cameras for i in c.events.images])
     week = recording.gps_week
@@ -236,7 +236,7 @@ def _report(
         series=recording.series,
         run=circumstances(),
         gps_week=recording.gps_week,
-        heading_with_antennas_deg=tried_deg.pop(ANTENNAS, None),
+        heading_with_antennas_deg=tried_deg.pop(ANTENNA_PAIR, None),
         heading_with_sensors_deg=tried_deg,
     )
     report["constants"] = constants_of(flight, segments)

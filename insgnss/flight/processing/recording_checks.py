@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...io.exposures.pauses import EXPOSURE_CLOCK, check_even_intervals
 from ...io.exposures.rig import CameraExposures
 from ...io.formats.text.clock import CLOCK_STEP
 from ...navigation.diagnosis.variances import check_turn_on, without_turn_on
 from ...navigation.noise_model.model import NoiseModel
 from ...navigation.recognise.claims import with_set_clock
 from ...navigation.recognise.plausibility import check_recording
-from ...navigation.recognise.turns import check_events
+from ...navigation.recognise.turns import check_events, exposure_ways
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question
 from ..config.flight_file import Flight
 from .checks import check_mounting_files, check_mountings, of_camera
@@ -63,6 +64,19 @@ def check_set_clock(flight: Flight, observed: Observed) -> list[Finding]:
     ]
 
 
+def check_exposure_intervals(flight: Flight, observed: Observed) -> list[Finding]:
+    """Ask whether the clock of a camera's exposures was set on the way, unless that is answered."""
+    if EXPOSURE_CLOCK in flight.accept:
+        return []
+    checks = []
+    for camera in observed.cameras:
+        ways = exposure_ways(camera.events.time, observed.gnss)
+        check = check_even_intervals(camera.events, *ways)
+        if check.verdict == "note":
+            checks.append(of_camera(check, camera.name) if observed.cameras[1:] else check)
+    return checks
+
+
 def check_further_cameras(flight: Flight, observed: Observed) -> list[Finding]:
     """Check the exposures of each further camera of a rig."""
     return [
@@ -97,6 +111,7 @@ def noise_misfit(noise: NoiseModel) -> list[Finding]:
 OF_RECORDING: tuple[Callable[[Flight, Observed], Sequence[Finding]], ...] = (
     check_plausibility,
     check_set_clock,
+    check_exposure_intervals,
     check_further_cameras,
     lambda flight, observed: observed.of_preparation,
     lambda flight, observed: check_mountings(flight),

@@ -58,9 +58,9 @@ class Segment:
 
     def without_increments(self) -> "Segment":
         """Return the segment without the increments of its IMU."""
-        made = replace(self, solution=self.solution.without_increments())
-        made.__dict__["residuals"] = self.residuals  # they may need covariances that are not kept
-        return made
+        lean = replace(self, solution=self.solution.without_increments())
+        lean.__dict__["residuals"] = self.residuals  # they may need covariances that are not kept
+        return lean
 
     @cached_property
     def residuals(self) -> tuple[MeanResidual, ...]:

@@ -133,12 +133,12 @@ def solve_segments(
     failures: list[tuple[tuple[float, float], DataError]] = []
     for span, segment in zip(spans, prepared.segments, strict=True):
         # a given attitude is that of the flight's first fix
-        own = flight if span == spans[0] else replace(flight, initial=None)
+        of_span = flight if span == spans[0] else replace(flight, initial=None)
         if isinstance(segment, DataError):
             failures.append((span, segment))
             continue
         try:
-            solved.append(solve_segment(own, recording, segment, span, frame, step))
+            solved.append(solve_segment(of_span, recording, segment, span, frame, step))
         except DataError as error:
             failures.append((span, error))
     if not solved:
@@ -154,12 +154,12 @@ def _noted(checks: Iterable[Finding]) -> str:
 
     What recognises units and axes by the motion says nothing more where there is none.
     """
-    odd = [
+    notes = [
         f"{check.name}: {check.found}"
         for check in checks
         if check.verdict != "ok" and check.name not in RECOGNISED
     ]
-    return f"; noted before: {'; '.join(odd)}" if odd else ""
+    return f"; noted before: {'; '.join(notes)}" if notes else ""
 
 
 def solve_segment(
@@ -333,9 +333,9 @@ def align(
     """
     every, problem = problem, problem.without_measurements
     if flight.initial is not None:
-        given = flight.initial
-        rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
-        start = given_attitude(problem, rpy, np.radians(given.sigma_deg))
+        initial = flight.initial
+        rpy = np.radians([initial.roll_deg, initial.pitch_deg, initial.heading_deg])
+        start = given_attitude(problem, rpy, np.radians(initial.sigma_deg))
         start = _expecting(start, problem.layout.offset, -moved_s)
         return start, "initial attitude from the flight file"
     try:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..processing.recording import Recording
     from ..processing.segment import Segment
 
-DIRECTIONS = {
+AXIS_VECTORS = {
     "forward": (1.0, 0.0, 0.0),
     "right": (0.0, 1.0, 0.0),
     "down": (0.0, 0.0, 1.0),
@@ -27,11 +27,11 @@ DIRECTIONS = {
 }
 # s, of a part: two ways that begin at different first attitudes differ by up to 4 sigma after 18 s,
 # 0.7 after 30, 0.1 after 60 and 0.04 after 120
-SHORTEST_S = 55.0
+SHORTEST_SOLVED_S = 55.0
 # of images, in their sigmas: below a fifth, which a defect must not reach; usual are 0.02 to 0.1
 LIMIT_POSE_SIGMAS = 0.15
-POSE_UNITS = (*((1e3, "mm"),) * 3, *((180.0 / np.pi, "deg"),) * 3)
-QUANTITIES = ("east", "north", "up", "rotation about east", "about north", "about up")
+DIFFERENCE_UNITS = (*((1e3, "mm"),) * 3, *((180.0 / np.pi, "deg"),) * 3)
+POSE_QUANTITIES = ("east", "north", "up", "rotation about east", "about north", "about up")
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def compare_images(
     rows = [
         Difference(f"images, {name}", float(scale * np.abs(e).max()), unit, float(z.max()), 0.0)
         for name, (scale, unit), e, z in zip(
-            QUANTITIES, POSE_UNITS, error.T, np.abs(error / sigma).T, strict=True
+            POSE_QUANTITIES, DIFFERENCE_UNITS, error.T, np.abs(error / sigma).T, strict=True
         )
     ]
     return PoseAgreement(len(eo.images), tuple(rows))
@@ -142,11 +142,11 @@ def _unknown(flight: "Flight", recording: "Recording", segment: "Segment") -> st
     sensors = np.delete(solution.verdict == USED, POSITION_ROW, axis=1)
     if sensors.any():
         return "more than positions is measured (velocities, stationary periods or other sensors)"
-    if (length := float(np.ptp(solution.time))) < SHORTEST_S:
-        return f"{length:.0f} s do not determine the attitude, {SHORTEST_S:.0f} s are needed"
+    if (length := float(np.ptp(solution.time))) < SHORTEST_SOLVED_S:
+        return f"{length:.0f} s do not determine the attitude, {SHORTEST_SOLVED_S:.0f} s are needed"
     if flight.imu.calibration is not None or flight.imu.further:
         return "its IMU is calibrated by a file, or there are several"
-    if not set(flight.imu.axes.split()) <= set(DIRECTIONS):
+    if not set(flight.imu.axes.split()) <= set(AXIS_VECTORS):
         return f"its axes are written {flight.imu.axes}"
     axes = (*recording.noise.gyro, *recording.noise.accel)
     epochs = solution.problem.epochs
@@ -186,7 +186,7 @@ def _setup(
     arm = [sigma.get(one, 0.0) for one in OF_LEVER_ARM]
     body_from_camera = (mounting.camera_from_body @ mounting.boresight).T
     return Setup(
-        C_b_imu=np.array([DIRECTIONS[word] for word in flight.imu.axes.split()]).T,
+        C_b_imu=np.array([AXIS_VECTORS[word] for word in flight.imu.axes.split()]).T,
         biases=biases,
         white=np.array([axis.white_noise for axis in axes]) ** 2,
         antenna_b=body_from_camera @ (mounting.antenna_m - mounting.imu_m),

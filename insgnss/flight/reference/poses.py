@@ -29,14 +29,14 @@ from numpy.typing import NDArray
 
 from ...records import Array, ExteriorOrientation, GnssFixes, ImuSamples
 
-EARTH_RATE = np.array([0.0, 0.0, 7.292115e-5])  # rad/s, WGS 84
+EARTH_SPIN = np.array([0.0, 0.0, 7.292115e-5])  # rad/s, WGS 84
 EARTH_GM, EQUATOR_M = 3.986004418e14, 6378137.0  # m^3/s^2, m, WGS 84
 EARTH_J2, EARTH_J4 = 1.0826298e-3, -2.37091e-6  # of the normal field; J6 makes 4e-7 m/s^2
 FIRST_SIGMA = np.repeat([3.0, 3.0, 0.2], 3)  # m, m/s, rad of the first state in the first pass
-PRIOR_SIGMAS = 20.0  # smoothed ones, of the first state in further passes: 1/400 of information
+LATER_SIGMAS = 20.0  # smoothed ones, of the first state in further passes: 1/400 of information
 DIFFERENCE_S = 2.0  # of second differences of the fixes: 2 cm of noise leave 0.012 m/s^2
 ALIGN_S = 60.0  # of the fixes that show the first attitude: the Earth turns by 0.25 deg meanwhile
-PASSES = 3  # the first begins some degrees off, the second at the smoothed state of the first
+MOST_PASSES = 3  # the first begins some degrees off, the second at the smoothed state of the first
 GATE_NIS = 75.0  # 5 sigma on each of three axes: the fixes of a part that verifies are right ones
 
 
@@ -86,7 +86,7 @@ class Setup:
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class PosedImages:
     """Projection centres (k, 3) and C_mc (k, 3, 3) in the tangent plane, sigmas (k, 6) m, rad."""
 
     position_m: Array
@@ -131,7 +131,7 @@ def gravity(r: Array) -> Array:
     level, polar = 1.0 - 14.0 * s2 + 21.0 * s2**2, 5.0 - 70.0 / 3.0 * s2 + 21.0 * s2**2
     fourth = -1.875 * EARTH_J4 * flat**2 * np.array([level, level, polar])
     attraction = -EARTH_GM / size**3 * r * (1.0 + second + fourth)
-    return attraction - np.cross(EARTH_RATE, np.cross(EARTH_RATE, r))
+    return attraction - np.cross(EARTH_SPIN, np.cross(EARTH_SPIN, r))
 
 
 def ned_axes(lat: float, lon: float) -> Array:
@@ -183,7 +183,7 @@ def first_attitude(grid: Array, steps: Array, time: Array, r: Array) -> Array:
         )
         acceleration = (after - 2.0 * middle_r + before) / DIFFERENCE_S**2
         v = (after - before) / (2.0 * DIFFERENCE_S)
-        force = acceleration - gravity(middle_r) + 2.0 * np.cross(EARTH_RATE, v)
+        force = acceleration - gravity(middle_r) + 2.0 * np.cross(EARTH_SPIN, v)
         B += np.outer(force, weight @ pushed)
     U, _, Vt = np.linalg.svd(B)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
@@ -207,7 +207,7 @@ class _State:
         return np.concatenate([self.r - from_.r, self.v - from_.v, psi, self.x - from_.x])
 
 
-class _Model:
+class _TransitionModel:
     """Equations (P.1) and (P.2) with the biases of a setup."""
 
     def __init__(self, setup: Setup) -> None:
@@ -230,10 +230,10 @@ class _Model:
         a, u = step[:3], step[3:]
         K = cross_matrix(a)
         force = s.C @ (u + 0.5 * K @ u + K @ K @ u / 6.0) / dt
-        v = s.v + (force + gravity(s.r) - 2.0 * np.cross(EARTH_RATE, s.v)) * dt
+        v = s.v + (force + gravity(s.r) - 2.0 * np.cross(EARTH_SPIN, s.v)) * dt
         r = s.r + 0.5 * (s.v + v) * dt
-        after = _State(r, v, turn(-EARTH_RATE * dt) @ s.C @ turn(a), s.x * np.exp(-self.decay * dt))
-        W, C, F = cross_matrix(EARTH_RATE), 0.5 * (s.C + after.C), np.zeros((n, n))
+        after = _State(r, v, turn(-EARTH_SPIN * dt) @ s.C @ turn(a), s.x * np.exp(-self.decay * dt))
+        W, C, F = cross_matrix(EARTH_SPIN), 0.5 * (s.C + after.C), np.zeros((n, n))
         up = s.r / np.linalg.norm(s.r)
         F[:3, 3:6] = np.eye(3)
         gradient = EARTH_GM / np.linalg.norm(s.r) ** 3
@@ -249,14 +249,14 @@ class _Model:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fix:
+class _FixInEcef:
     """A fix in e: position (3,), covariance (3, 3)."""
 
     r: Array
     R: Array
 
 
-def _update(model: _Model, s: _State, P: Array, fix: _Fix) -> tuple[_State, Array]:
+def _update(model: _TransitionModel, s: _State, P: Array, fix: _FixInEcef) -> tuple[_State, Array]:
     """Use a fix; one beyond the gate is left out."""
     n = model.size
     arm, late_s = model.setup.antenna_b + s.x[-4:-1], s.x[-1]
@@ -273,13 +273,13 @@ def _update(model: _Model, s: _State, P: Array, fix: _Fix) -> tuple[_State, Arra
 
 
 def _smooth(
-    model: _Model,
+    model: _TransitionModel,
     first: _State,
     sigma: Array,
     marks: Array,
     grid: Array,
     steps: Array,
-    fixes: dict[float, _Fix],
+    fixes: dict[float, _FixInEcef],
 ) -> tuple[list[_State], list[Array]]:
     """Filter forward and smooth backward over the marks (Rauch, Tung and Striebel 1965)."""
     s, P, k = first, np.diag(sigma**2), 0
@@ -313,7 +313,7 @@ def image_poses(
     exposures: Array,
     span: tuple[float, float],
     progress: Callable[[str], None] = lambda _: None,
-) -> Poses:
+) -> PosedImages:
     """Return the poses of exposures inside a span, from samples and fixes.
 
     Parameters
@@ -328,7 +328,7 @@ def image_poses(
     time, r = fixes.time[keep], ecef(fixes.lat[keep], fixes.lon[keep], fixes.height[keep])
     axes = [ned_axes(*of_fix) for of_fix in zip(fixes.lat[keep], fixes.lon[keep], strict=True)]
     measured = {
-        float(t): _Fix(fix_r, A.T @ cov @ A)
+        float(t): _FixInEcef(fix_r, A.T @ cov @ A)
         for t, fix_r, A, cov in zip(time, r, axes, fixes.cov_ned[keep], strict=True)
     }
     marks = np.union1d(time, exposures)
@@ -336,22 +336,22 @@ def image_poses(
     count = int((grid <= marks[0] + ALIGN_S).sum())
     near = time <= marks[0] + ALIGN_S
     C = first_attitude(grid[:count], steps[: count - 1], time[near], r[near])
-    model = _Model(setup)
+    model = _TransitionModel(setup)
     later = int(np.searchsorted(time, time[0] + 1.0))
     v = (r[later] - r[0]) / (time[later] - time[0])
     zero, sigma = np.zeros(model.size - 9), model.sigma
     first = _State(r[0] - C @ setup.antenna_b, v, C, zero)
-    for number in range(1, PASSES + 1):
-        progress(f"independent poses, pass {number} of {PASSES}")
+    for number in range(1, MOST_PASSES + 1):
+        progress(f"independent poses, pass {number} of {MOST_PASSES}")
         states, covariances = _smooth(model, first, sigma, marks, grid, steps, measured)
         first = _State(states[0].r, states[0].v, states[0].C, zero)
         sigma = model.sigma.copy()
-        sigma[:9] = PRIOR_SIGMAS * np.sqrt(np.diag(covariances[0])[:9])
+        sigma[:9] = LATER_SIGMAS * np.sqrt(np.diag(covariances[0])[:9])
     chosen = np.searchsorted(marks, exposures)
     return _posed(setup, [states[k] for k in chosen], [covariances[k] for k in chosen])
 
 
-def _posed(setup: Setup, states: Sequence[_State], covariances: Sequence[Array]) -> Poses:
+def _posed(setup: Setup, states: Sequence[_State], covariances: Sequence[Array]) -> PosedImages:
     """Take states of the IMU to the camera and the tangent plane."""
     north, east, down = ned_axes(setup.origin[0], setup.origin[1])
     M = np.stack([east, north, -down])
@@ -363,10 +363,12 @@ def _posed(setup: Setup, states: Sequence[_State], covariances: Sequence[Array])
         centres.append(M @ (s.r + s.C @ setup.camera_b - origin_r))
         rotations.append(M @ s.C @ setup.C_cb.T)
         sigmas.append(np.sqrt(np.diag(J @ P @ J.T)))
-    return Poses(np.array(centres), np.array(rotations), np.array(sigmas))
+    return PosedImages(np.array(centres), np.array(rotations), np.array(sigmas))
 
 
-def pose_differences(eo: ExteriorOrientation, poses: Poses) -> tuple[Array, NDArray[np.float64]]:
+def pose_differences(
+    eo: ExteriorOrientation, poses: PosedImages
+) -> tuple[Array, NDArray[np.float64]]:
     """Return independent minus given poses (k, 6), m and rad, and the given sigmas (k, 6)."""
     turned = rotation_vector(poses.C_mc @ np.swapaxes(eo.C_mc, -1, -2))
     error = np.hstack([poses.position_m - eo.position_m, turned])

@@ -45,7 +45,7 @@ EQUATOR_UT = 29.8  # of the dipole, on the equator (IGRF 2020)
 # of the true field against the dipole's: of the world's land a third differs by more than 10 deg
 # and 15 %, South America and southern Africa by up to 40 deg and 40 %
 DIP_SIGMA, STRENGTH_SIGMA = 15.0 * DEG, 0.2
-ENU = {"e": "east easting", "n": "north northing", "u": "up height"}
+LOCAL_NAMES = {"e": "east easting", "n": "north northing", "u": "up height"}
 MAGNETOMETER_STEMS = "mag m b magnetic magnetic_field magnetometer field"
 
 
@@ -317,8 +317,11 @@ KINDS: dict[str, SensorKind] = {
     "position": SensorKind(
         *table_of(
             {
-                **{axis: f"{axis} {more}" for axis, more in ENU.items()},
-                **{f"sigma_{axis}": sigma_names(f"{axis} {more}") for axis, more in ENU.items()},
+                **{axis: f"{axis} {more}" for axis, more in LOCAL_NAMES.items()},
+                **{
+                    f"sigma_{axis}": sigma_names(f"{axis} {more}")
+                    for axis, more in LOCAL_NAMES.items()
+                },
             },
             "length",
         ),

@@ -11,7 +11,7 @@ from ...records.measurements import Measurement
 from .kinds import TURN, kinds
 from .options import MeasurementInput
 
-ANTENNAS = "two antennas 1 m apart"
+ANTENNA_PAIR = "two antennas 1 m apart"
 ANTENNAS_SIGMA = 0.2 * DEG  # of a heading by antennas 1 m apart, as makers of receivers state it
 VELOCITY_SIGMA_MPS = 0.05  # of a wheel or an optical flow sensor
 FIELD_SIGMA_UT = 0.4  # of a magnetometer on a chip, at 10 Hz
@@ -29,7 +29,7 @@ def trial_sensors() -> dict[str, Measurement]:
     antennas = _sensor("heading", ("heading",), ANTENNAS_SIGMA)
     field = ("x", "y", "z")
     return {
-        ANTENNAS: replace(
+        ANTENNA_PAIR: replace(
             antennas, predict=lambda motion, _: motion.roll_pitch_heading[:, 2], states=()
         ),
         "an odometer": _sensor("body_velocity", ("forward",), VELOCITY_SIGMA_MPS),

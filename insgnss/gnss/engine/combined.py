@@ -34,9 +34,9 @@ from ...io.formats.gnss.pos_covariance import DOWN_FROM_UP as NED_NEU
 from ...io.formats.gnss.pos_covariance import covariance_of_roots, without_inverse
 from ...io.formats.gnss.pos_header import ROOTS
 from ...io.formats.gnss.rtklib_pos import PosRows, pos_rows, read_pos_rows
+from ...records import Array
 from ...records.qualities import Quality
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 SAME_S = 0.005  # RTKLIB's DTTOL: stamps of two runs that belong to one epoch

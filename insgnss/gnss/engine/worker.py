@@ -65,9 +65,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
     It is "" where none is like it.
     """
-    same_family = [
-        other for other in candidates if other.partition("-")[0] == name.partition("-")[0]
-    ]
+    same_family = [one for one in candidates if one.partition("-")[0] == name.partition("-")[0]]
     close = [
         *difflib.get_close_matches(name, same_family, n=1),
         *difflib.get_close_matches(name, list(candidates), n=1),

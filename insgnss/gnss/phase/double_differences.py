@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import WEEK_S
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
+from ...records.qualities import Quality
 from ..rinex.navigation_message import Navigation
 from ..satellites.frequencies import ENGINE_BANDS, HERTZ, rows_of_systems
 from ..satellites.orbits import LIGHT, emission_states, ranges, sky, unique_satellites
 from ..satellites.satellite_geometry import LARGEST_OFFSET_S, Sky, base_rows
 from .time_differences import code_ranges
 from .troposphere import (
-    FIXED,
     Atmosphere,
     hydrostatic_layer,
     mapping,
@@ -40,7 +40,6 @@ from .troposphere import (
 if TYPE_CHECKING:
     from ..rinex.observation_record import Observations
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SHARED_CARRIERS = "GEJC"  # whose satellites share their carriers
@@ -174,7 +173,7 @@ def measurable(fixes: GnssFixes, base_ecef: Array) -> NDArray[np.bool_]:
         np.linalg.norm(geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - base_ecef, axis=1)
         <= FAR_M
     )
-    return np.asarray(near if fixes.quality is None else near & (fixes.quality == FIXED))
+    return np.asarray(near if fixes.quality is None else near & (fixes.quality == Quality.FIXED))
 
 
 def _weeks(rover: "Observations", base: "Observations") -> float:

@@ -95,7 +95,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..options import EngineOptions
 from ..rinex.navigation_message import Navigation
@@ -110,7 +110,6 @@ from .troposphere import Atmosphere, mapping
 if TYPE_CHECKING:
     from ..rinex.observation_record import Observations
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 KNOT_S = 600.0  # between knots of V, G and L, which change linearly: 0.15 m a knot is usual
@@ -326,9 +325,9 @@ def fit(d: DoubleDifferences) -> KnottedIonosphere | None:
         correlation.append(q)
     cov = np.linalg.inv(N)
     x, cov = units * (cov @ b), cov * units[:, None] * units
-    other = LAYER_VALUES * knots.size
-    (h, t), (sd_h, sd_t) = x[other : other + 2].tolist(), np.sqrt(np.diag(cov)[other : other + 2])
-    value, of_value = x[:other].reshape(-1, LAYER_VALUES), cov[:other, :other]
+    k = LAYER_VALUES * knots.size
+    (h, t), (sd_h, sd_t) = x[k : k + 2].tolist(), np.sqrt(np.diag(cov)[k : k + 2])
+    value, of_value = x[:k].reshape(-1, LAYER_VALUES), cov[:k, :k]
     return KnottedIonosphere(
         knots,
         value,

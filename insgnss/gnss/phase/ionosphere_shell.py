@@ -1,14 +1,11 @@
 """Rays that pierce the ionosphere, taken for a shell at 400 km: (I.1) of `ionosphere`."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ..satellites.satellite_geometry import Sky
 from ..satellites.visible_satellites import directions
-
-Array = NDArray[np.float64]
 
 # radius of the Earth and height of the shell above it, m (IS-GPS-200 has 350 km, maps 450)
 RADIUS_M, SHELL_M = 6.371e6, 4.0e5

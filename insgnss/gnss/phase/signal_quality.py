@@ -188,10 +188,10 @@ class _Arcs:
         new = self.begins | self.slip
         out = {}
         for k, name in enumerate(self.names):
-            own, other = self.phase[:, k], self.phase[:, 1 - k]
+            phase, second_phase = self.phase[:, k], self.phase[:, 1 - k]
             a = (self.length[:, 1 - k] / self.length[:, k]) ** 2
             with np.errstate(divide="ignore", invalid="ignore"):
-                mp = self.code[:, k] - own - 2.0 / (a - 1.0) * (own - other)
+                mp = self.code[:, k] - phase - 2.0 / (a - 1.0) * (phase - second_phase)
             good = np.isfinite(mp)
             arc = np.cumsum(new)[good]
             if good.sum() < 2:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import WEEK_S
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..rinex.navigation_message import Navigation
 from ..rinex.observation_record import Observations
@@ -31,7 +31,6 @@ from ..satellites.orbits import (
 )
 from .troposphere import standard_slant_delay
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ACCELERATION = 3.0  # m/s^2, of a rover between given positions that stand apart

@@ -42,19 +42,17 @@ UNB3). Hydrostatic delay: Saastamoinen (1972), Davis et al. (1985). Mapping: Bla
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.errors import DataError, InputError
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.frames import ecef_to_geodetic
 from ...io.options.schema import declared
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ...records.qualities import Quality
 from ..ppk_options import Air
 from ..satellites.engine_weighting import displacement
 from ..satellites.satellite_geometry import Sky
-
-Array = NDArray[np.float64]
 
 LAPSE = 6.5e-3  # K/m
 DRY_AIR = 287.053  # gas constant of dry air, J/(kg K)
@@ -67,7 +65,6 @@ CELSIUS_ZERO = 273.15  # K
 SHAPE_SHARE = 0.1
 LIMITS = {name: (item.option.low, item.option.high) for name, item in declared(Air).items()}
 CORRECTED = (1, 2)  # of RTKLIB's qualities: fixed and float, the two of its relative mode of phases
-FIXED = Quality.FIXED
 
 
 @dataclass(frozen=True)
@@ -298,7 +295,7 @@ def wet_delay_correction(
     variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2
     zenith, slope = np.where(corrected, zenith, 0.0), np.where(corrected[:, None], slope, 0.0)
     correction = -slope * zenith[:, None]
-    variance = np.where(quality == FIXED, variance, variance + zenith**2) * corrected
+    variance = np.where(quality == Quality.FIXED, variance, variance + zenith**2) * corrected
     cov = slope[:, :, None] * slope[:, None, :] * variance[:, None, None]
     high = corrected & (np.abs(rise) > 1.0)
     per_metre = float(np.mean(-correction[high, 2] / rise[high])) if high.any() else float("nan")
@@ -325,7 +322,7 @@ def _variance(atmosphere: Atmosphere, rise: Array, lat: float, height: float) ->
             replace(atmosphere, **{name: min(max(value + sign * sd, low), high)})
             for sign in (-1.0, 1.0)
         )
-        changes = [(_left_out(other, rise, lat, height) - zenith) ** 2 for other in ends]
+        changes = [(_left_out(end, rise, lat, height) - zenith) ** 2 for end in ends]
         variance += 0.5 * (changes[0] + changes[1])
     return variance
 

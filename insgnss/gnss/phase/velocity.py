@@ -74,7 +74,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import DataError
 from ...geodesy.frames import ecef_to_geodetic, rotation_en
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..rinex.navigation_message import Navigation
 from ..rinex.observation_record import Observations
@@ -90,7 +90,6 @@ from .time_differences import (
     phase_pairs,
 )
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SATELLITE_TURN = 1.6e-4  # rad/s, at which the direction to a satellite turns at most

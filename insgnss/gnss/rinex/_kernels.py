@@ -12,7 +12,7 @@ import numpy as np
 from ...base.compilation import njit
 
 # why the kernel stops: at the end, for the caller to act and go on, or at a line that is wrong
-DONE, EVENT, FULL, NEW_SYSTEM, BAD_EPOCH, BAD_SATELLITE, BAD_NUMBER, TWICE, CUT = range(9)
+DONE, EVENT, FULL, NEW_SYSTEM, BAD_EPOCH, BAD_SATELLITE, BAD_FIELD, TWICE, CUT = range(9)
 OFFSET, LINE, EPOCHS, ROWS, FLAG, COUNT, TICKS, MARK, MARK_LINE, SYSTEM = range(10)  # of the state
 STATE_SIZE = 10  # numbers of the state
 
@@ -22,7 +22,7 @@ _NO_NUMBER, _BAD = -1, -2  # in the place of a whole number
 _NEWLINE, _RETURN, _SPACE, _PLUS, _MINUS, _POINT, _ZERO, _EPOCH = 10, 13, 32, 43, 45, 46, 48, 62
 _DAY_OF_1980_01_06 = 723125  # days since 0000-03-01
 # powers of ten: 15 decimals are all that a double holds
-_TEN = np.array([10.0**k for k in range(16)])
+_POWERS_OF_TEN = np.array([10.0**k for k in range(16)])
 _SYSTEM_OF = np.full(256, -1, dtype=np.int64)  # number of a system by its letter; -1: none
 for _k, _letter in enumerate("GRECJIS"):
     _SYSTEM_OF[ord(_letter)] = _k
@@ -115,7 +115,7 @@ def _number(buf, a, b):
             return _BAD, 0.0
     if point < 0 or digits == 0 or digits > 15:
         return _BAD, 0.0
-    x = np.float64(m) / _TEN[b - 1 - point]
+    x = np.float64(m) / _POWERS_OF_TEN[b - 1 - point]
     return 1, (-x if negative else x)
 
 
@@ -398,7 +398,7 @@ def parse(
         if end > first:
             is_number, x = _number(buf, first, min(first + (15 if three else 12), end))
             if is_number < 0:
-                return _fault(state, BAD_NUMBER, offset, line)
+                return _fault(state, BAD_FIELD, offset, line)
             if is_number == 1:
                 clock[n] = x
         if three:
@@ -444,7 +444,7 @@ def parse(
                     strength,
                 )
                 if stop < 0:
-                    return _fault(state, BAD_NUMBER, offset, line)
+                    return _fault(state, BAD_FIELD, offset, line)
                 offset, line, done = stop + 1, line + 1, last
                 if done >= width:
                     break

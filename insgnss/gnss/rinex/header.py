@@ -57,7 +57,7 @@ RECORDS_READ = (  # labels of the records whose values are taken
     *(TYPES_2, TYPES_3, "APPROX POSITION XYZ", "ANTENNA: DELTA H/E/N", "INTERVAL", "LEAP SECONDS"),
     *("TIME OF FIRST OBS", "GLONASS SLOT / FRQ #", "SYS / SCALE FACTOR"),
 )
-COUNT = re.compile(r" *[0-9]+ *")
+WHOLE_COUNT = re.compile(r" *[0-9]+ *")
 SLOTS = re.compile(r" *(?:[0-9]+ +)?(?:R *[0-9]{1,2} +[+-]?[0-9]+ *)*")
 LETTERS_ALONE = re.compile("[A-Za-z]+")
 SCALE_FIELD = re.compile(r"([A-Z]) +(10{0,3})")  # a factor of 1, 10, 100 or 1000
@@ -350,7 +350,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
             if missing:
                 raise _incorrect(path, line, f"{label}: {missing} codes fewer than announced")
             system = "" if version < 3 else text[0].upper()
-            if not COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEM_LETTERS):
+            if not WHOLE_COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEM_LETTERS):
                 expected = "expected a system and a number of codes"
                 raise _incorrect(path, line, f"{label}: {shown(text.rstrip())}, {expected}")
             missing, types[system] = int(count), []

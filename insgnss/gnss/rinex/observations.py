@@ -376,9 +376,9 @@ class _Reading(AtLines):
         places = np.flatnonzero(real)
 
         def same(i: int, k: int) -> bool:
-            one, other = (slice(*np.searchsorted(epoch, (e, e + 1))) for e in places[[i, k]])
-            return np.array_equal(satellite[one], satellite[other]) and np.array_equal(
-                self.values[one], self.values[other], equal_nan=True
+            first, second = (slice(*np.searchsorted(epoch, (e, e + 1))) for e in places[[i, k]])
+            return np.array_equal(satellite[first], satellite[second]) and np.array_equal(
+                self.values[first], self.values[second], equal_nan=True
             )
 
         rows, notes = put_in_order(Picked(self, places), time[places], same, "epochs")

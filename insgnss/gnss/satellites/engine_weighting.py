@@ -22,12 +22,10 @@ satellite whose ambiguities are integers, delays d of its phases and the engine'
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...records import Array
 from ..options import EngineOptions
 from .visible_satellites import Sky, directions
-
-Array = NDArray[np.float64]
 
 GLONASS_WEIGHT = 1.0 / 1.5**2  # of a GLONASS phase against others
 UNRESOLVED = {

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.frames import geodetic_to_ecef
 from ...geodesy.gpstime import WEEK_S
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ..options import EngineOptions
 from ..rinex.navigation_message import Navigation
 from .engine_weighting import GLONASS_WEIGHT, carrying_systems
@@ -23,7 +23,6 @@ from .visible_satellites import Sky
 if TYPE_CHECKING:
     from ..rinex.observation_record import Observations
 
-Array = NDArray[np.float64]
 
 AS_USUAL = EngineOptions()
 # s, between the stamp of an epoch and its position's, or the base's: clocks that receivers do not

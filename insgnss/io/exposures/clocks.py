@@ -29,7 +29,8 @@ from ...records import Array
 
 # tolerance of a match, of the shortest interval: below one half, so that an image has one event
 SHARE_OF_INTERVAL = 0.45
-LEADS = 40  # images at the start whose differences to events are tried as the clock's offset
+# first images tried as partner of an event, for the clock's offset: more are not lost (chosen)
+LEADS = 40
 FEWEST_PAIRS = 5  # pairs by which an order may be called wrong: fewer agree by chance (chosen)
 # tolerances, of the median interval: of sharp stamps, then of scattered ones (chosen)
 INTERVAL_SHARES = (0.02, 0.15)
@@ -99,20 +100,20 @@ def match_clocks(time: Array, taken: Array, near: float | None = None) -> ClockM
     for i in range(lead):
         for j in range(max(0, i - reach), min(time.size, i + reach + 1)):
             offset = float(taken[i] - time[j])
-            _, _, rest = _pairs(time + offset, taken, near)
-            if rest.size and (
-                best is None or (rest.size, -float(np.std(rest))) > (best[0], -best[1])
+            _, _, residual = _pairs(time + offset, taken, near)
+            if residual.size and (
+                best is None or (residual.size, -float(np.std(residual))) > (best[0], -best[1])
             ):
-                best = (rest.size, float(np.std(rest)), offset + float(np.mean(rest)))
+                best = (residual.size, float(np.std(residual)), offset + float(np.mean(residual)))
     offset = best[2] if best else 0.0
-    events, images, rest = _pairs(time + offset, taken, near)
+    events, images, residual = _pairs(time + offset, taken, near)
     lonely_events = tuple(np.setdiff1d(np.arange(time.size), events).tolist())
     lonely_images = tuple(np.setdiff1d(np.arange(taken.size), images).tolist())
     return ClockMatch(
         lonely_events,
         lonely_images,
         offset,
-        float(np.sqrt(np.mean(rest**2))) if rest.size else math.inf,
+        float(np.sqrt(np.mean(residual**2))) if residual.size else math.inf,
     )
 
 
@@ -137,13 +138,13 @@ def misfit(time: Array, taken: Array) -> OrderMisfit | None:
     return result
 
 
-def _beyond(rest: Array, near: float) -> tuple[int, ...]:
+def _beyond(residual: Array, near: float) -> tuple[int, ...]:
     """Places of the remainders outside of the interval of 2 `near` that holds most of them."""
-    low = np.sort(rest)
+    low = np.sort(residual)
     start = low[
         np.argmax(np.searchsorted(low, low + 2.0 * near, side="right") - np.arange(low.size))
     ]
-    return tuple(np.flatnonzero((rest < start) | (rest > start + 2.0 * near)).tolist())
+    return tuple(np.flatnonzero((residual < start) | (residual > start + 2.0 * near)).tolist())
 
 
 def _pairs(
@@ -152,14 +153,14 @@ def _pairs(
     """Events and images that are mutually nearest within `near`; and image minus event, s."""
     nearest = _nearest(time, taken)
     back = _nearest(taken, time)
-    rest = taken[nearest] - time
-    events = np.flatnonzero((back[nearest] == np.arange(time.size)) & (np.abs(rest) <= near))
-    return events, nearest[events], rest[events]
+    residual = taken[nearest] - time
+    events = np.flatnonzero((back[nearest] == np.arange(time.size)) & (np.abs(residual) <= near))
+    return events, nearest[events], residual[events]
 
 
-def _nearest(time: Array, others: Array) -> NDArray[np.intp]:
+def _nearest(time: Array, candidates: Array) -> NDArray[np.intp]:
     """Place in the increasing `others` of the one nearest to each time."""
-    after = np.clip(np.searchsorted(others, time), 1, max(others.size - 1, 1))
-    if others.size == 1:
+    after = np.clip(np.searchsorted(candidates, time), 1, max(candidates.size - 1, 1))
+    if candidates.size == 1:
         return np.zeros(time.size, dtype=np.intp)
-    return np.where(time - others[after - 1] <= others[after] - time, after - 1, after)
+    return np.where(time - candidates[after - 1] <= candidates[after] - time, after - 1, after)

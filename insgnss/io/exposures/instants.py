@@ -51,10 +51,10 @@ def on_clock(
     """
     of_rig = () if options is None else options.all_of_rig
     cameras, offset_s = list(cameras), [0.0] * len(cameras)
-    for k, (own, camera) in enumerate(zip(of_rig, cameras, strict=False)):
-        offset_s[k] = own.time_offset_s
-        of_imu = own.clock == "imu" or (
-            camera.triggered and own.clock == "auto" and of_rig[0].clock == "imu"
+    for k, (input_options, camera) in enumerate(zip(of_rig, cameras, strict=False)):
+        offset_s[k] = input_options.time_offset_s
+        of_imu = input_options.clock == "imu" or (
+            camera.triggered and input_options.clock == "auto" and of_rig[0].clock == "imu"
         )
         if camera.clock == "receiver":
             offset_s[k] += offsets.gnss
@@ -138,12 +138,12 @@ def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
     if outside.size:
         k = int(outside[0])
         middle = 0.5 * (lo + hi)
-        apart = weeks_apart(
+        weeks = weeks_apart(
             float(events.time[k]) - middle, min(0.5 * (hi - lo), LEAST_WEEKS_APART_S)
         )
-        if apart:
+        if weeks:
             raise InputError(
-                f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is {apart}"
+                f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is {weeks}"
                 f" apart from the flight, {lo:.3f} to {hi:.3f} s of IMU and GNSS ({outside.size} of"
                 f" {len(events.images)} images); give all times in the same GPS week"
             )

@@ -107,9 +107,9 @@ def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
 
 def _refuse_named(path: str, events: CameraEvents) -> None:
     """Refuse events whose names are more than numbers."""
-    if own := [name for name in events.images if not name.isdecimal()]:
+    if names := [name for name in events.images if not name.isdecimal()]:
         message = (
-            f"the events already have image names ({own[0]}), and a list of images gives names as"
+            f"the events already have image names ({names[0]}), and a list of images gives names as"
             " well; leave the list out"
         )
         raise InputError.in_file(
@@ -118,12 +118,12 @@ def _refuse_named(path: str, events: CameraEvents) -> None:
 
 
 def _check_skipped(
-    path: str, kind: str, skipped: Collection[object], there: Collection[object]
+    path: str, kind: str, skipped: Collection[object], available: Collection[object]
 ) -> None:
-    if unknown := [item for item in skipped if item not in there]:
+    if unknown := [item for item in skipped if item not in available]:
         raise UsageError(
             f"{path}: {named(f'camera.skip_{kind}')} names {unknown[0]}, which is none of the"
-            f" {len(there)} {kind}"
+            f" {len(available)} {kind}"
         )
 
 
@@ -253,7 +253,7 @@ def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str
     if images:
         summary += f"{' and' if events else ''} no event to image {some(images, 5)}"
     left_out = {"camera.skip_events": events[:8], "camera.skip_images": images[:8]}
-    answer = [setting(key, odd) for key, odd in left_out.items() if odd]
+    answer = [setting(key, skipped) for key, skipped in left_out.items() if skipped]
     return f"{summary}; if that is so, set {' and '.join(answer)}"
 
 

@@ -15,10 +15,13 @@ import numpy as np
 
 from ...records import Array, CameraEvents, Question
 
-FEWEST_NUMBERED_IMAGES = 8  # images whose numbers show how the camera counts
-NEIGHBOUR_INTERVALS = 4  # intervals on either side that are usual ones
-TOO_SHORT = 1.5  # usual intervals, below which no further image was taken between two
-MOST_NAMED_PAIRS = 3  # pairs of images that a note names; the others are counted
+FEWEST_NUMBERED_IMAGES = 8  # images: fewer do not show how the camera counts (chosen)
+# intervals on either side that give the usual one: a flight line has more (chosen)
+NEIGHBOUR_INTERVALS = 4
+# usual intervals: in a shorter one no second image was taken (chosen, 2 with one lost)
+TOO_SHORT = 1.5
+# pairs of images that a note names: further ones are counted, to keep it short
+MOST_NAMED_PAIRS = 3
 
 
 def with_numbering_note(events: CameraEvents) -> CameraEvents:

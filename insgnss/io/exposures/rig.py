@@ -217,15 +217,15 @@ def rig_exposures(
     if camera is None:
         return (CameraExposures("camera_1", first, clock),)
     cameras = [CameraExposures(camera.names[0], first, clock)]
-    for name, other in zip(camera.names[1:], camera.further, strict=True):
-        events = own_events(other, gps_week)
+    for name, further in zip(camera.names[1:], camera.further, strict=True):
+        events = own_events(further, gps_week)
         triggered = events is None
         if events is None:
             assert trigger is not None
-            events = triggered_events(trigger, other)
-            of_clock = clock if other.clock == "auto" else other.clock
+            events = triggered_events(trigger, further)
+            of_clock = clock if further.clock == "auto" else further.clock
         else:
-            events, of_clock = with_names(events, other), event_clock(other, gnss)
+            events, of_clock = with_names(events, further), event_clock(further, gnss)
         cameras.append(CameraExposures(name, events, of_clock, triggered))
     return tuple(cameras)
 
@@ -338,9 +338,9 @@ def refuse_same_names(cameras: Sequence[CameraExposures], where: str) -> None:
     first: dict[str, str] = {}
     for camera in cameras:
         for image in camera.events.images:
-            if (other := first.setdefault(image, camera.name)) != camera.name:
+            if (earlier := first.setdefault(image, camera.name)) != camera.name:
                 raise InputError(
-                    f"{where}: camera.further: image {image} is one of camera {other} and one of"
+                    f"{where}: camera.further: image {image} is one of camera {earlier} and one of"
                     f" camera {camera.name}; tell them apart by camera.further prefix ="
                     f' "{camera.name}_", or by the names of their files with camera.further images'
                 )

@@ -22,22 +22,6 @@ from .exports import EXPORTS, function_at
 from .read_options import ReadOptions
 from .text.units import SENSOR_SCALES, split_unit, unit_factor
 
-__all__ = [
-    "EXPORTS",
-    "SENSOR_SCALES",
-    "ReadOptions",
-    "Reader",
-    "TableInfo",
-    "describe",
-    "load_content",
-    "read_barometer",
-    "read_events",
-    "read_gnss",
-    "read_imu",
-    "split_unit",
-    "unit_factor",
-]
-
 _IMU_MAP = "columns variable units quantity gps_week rate_hz"
 _GNSS_TABLE = "columns repeat_column sigma_m sigma_velocity units gps_week undulation_m reference"
 _GNSS_MAP = f"variable {_GNSS_TABLE}"
@@ -175,7 +159,7 @@ IMU_OPTIONS, GNSS_OPTIONS, EVENT_OPTIONS, BAROMETER_OPTIONS = (
 )
 FORMAT_ENTRY_POINTS = "insgnss.formats"
 """Entry points by which an installed package adds readers."""
-RECORDS: dict[str, type[Any]] = {
+RECORD_BY_KIND: dict[str, type[Any]] = {
     "imu": ImuSamples,
     "gnss": GnssFixes,
     "events": CameraEvents,
@@ -276,9 +260,9 @@ def _read(kind: str, path: str | Path, spec: dict[str, Any]) -> Any:
     options = _options(path, form, reader.options.split(), spec)
     content = (load_content(form, path),) if form in LOADERS else ()
     record = _function(reader.function)(path, *content, ReadOptions(**options))
-    if not isinstance(record, RECORDS[kind]):
+    if not isinstance(record, RECORD_BY_KIND[kind]):
         returned = f"the reader of the format {form} returned {type(record).__name__}"
-        raise UsageError(f"{path}: {returned}, expected {RECORDS[kind].__name__}")
+        raise UsageError(f"{path}: {returned}, expected {RECORD_BY_KIND[kind].__name__}")
     if kind != "gnss":
         return record
     from .gnss.kinds import with_agreeing_kinds

@@ -16,8 +16,8 @@ from .text.columns import TableSpec
 from .text.order import Lines, put_in_order, refuse_rows
 from .text.text import Source
 
-ROWS = "barometer rows"  # name of the notes on rows left out or put in order
-HIGHEST_PA = 120e3  # far below sea level
+BAROMETER_ROWS = "barometer rows"  # name of the notes on rows left out or put in order
+HIGHEST_PA = 120e3  # pressure (Pa): 1400 m below sea level, where nobody flies
 BAROMETER_LIMITS = {  # of each column: lowest, highest, their unit and its key
     "pressure": (LOWEST_PA, HIGHEST_PA, "Pa", "pressure"),
     "h": (-2000.0, 11000.0, "m", "length"),  # above whatever level it counts from
@@ -59,7 +59,7 @@ def read_barometer_text(path: Source, options: ReadOptions = STATED_NOTHING) -> 
     factors = {"h": settled.factors["length"], "pressure": settled.factors["pressure"]}
     cols = {name: table.floats(name) * factors[name] for name in factors if name in table}
     time, gps_week, notes = table.examined_time(
-        ROWS,
+        BAROMETER_ROWS,
         options.gps_week,
         settled.units["time"],
         lambda i, k: all(column[i] == column[k] for column in cols.values()),
@@ -110,7 +110,7 @@ def heights_from_columns(
         f" units = {{{{ {key} = ... }}}} or the columns"
     )
     refuse_rows(lines, ~((values > low) & (values < high)), message, values)
-    rows, odd_rows = put_in_order(lines, time, lambda i, k: values[i] == values[k], ROWS)
+    rows, odd_rows = put_in_order(lines, time, lambda i, k: values[i] == values[k], BAROMETER_ROWS)
     if rows is not None:
         time, values = time[rows], values[rows]
     height = standard_height(values) if name == "pressure" else values

@@ -9,6 +9,8 @@ the others; a header with two of them is refused.
 from functools import cache
 from itertools import product
 
+from ...records.from_tables import IMAGE_HEADERS
+
 Names = dict[str, str]
 
 
@@ -105,7 +107,7 @@ OF_A_SOLUTION: Names = {
     "pdop": "pdop",
     "hdop": "hdop",
 }
-IMAGES = "image images img photo name label filename file"
+IMAGES = " ".join(IMAGE_HEADERS)
 IMAGE_ENDINGS = (
     ".jpg .jpeg .tif .tiff .png .dng .raw .iiq .arw .cr2 .cr3 .nef .nrw .raf .rw2 .orf .3fr .fff"
     " .pef .srw .x3f .webp .jp2 .heic"

@@ -159,9 +159,9 @@ class CameraMounting:
 
     def __post_init__(self) -> None:
         check(self, f"{OF_FURTHER}.mounting")
-        for one, other in (("imu_m", "from_camera_m"), ("boresight_deg", "boresight")):
-            if getattr(self, one) is not None and getattr(self, other) is not None:
-                problem = f"{other} is given as well; keep one of them"
+        for one, alternative in (("imu_m", "from_camera_m"), ("boresight_deg", "boresight")):
+            if getattr(self, one) is not None and getattr(self, alternative) is not None:
+                problem = f"{alternative} is given as well; keep one of them"
                 raise OptionError(f"{OF_FURTHER}.mounting.{one}", problem)
 
     def on(self, first: "Mounting") -> "Mounting":
@@ -190,17 +190,17 @@ class CameraMounting:
         T, B = self.camera_from_body, self.boresight
         turn = first.camera_from_body if T is None else np.asarray(T, dtype=np.float64)
         if self.boresight_deg is not None:
-            own = boresight_from_angles(*self.boresight_deg, turn)
+            boresight = boresight_from_angles(*self.boresight_deg, turn)
         else:
-            own = np.eye(3) if B is None else np.asarray(B, dtype=np.float64)
-        turned = Mounting(camera_from_body=turn, boresight=own)
+            boresight = np.eye(3) if B is None else np.asarray(B, dtype=np.float64)
+        turned = Mounting(camera_from_body=turn, boresight=boresight)
         if self.imu_m is not None:
             imu_m = np.asarray(self.imu_m)
         else:
             offset = np.asarray(self.from_camera_m or (0.0, 0.0, 0.0))
             imu_m = turned.C_cb @ -(first.camera_lever_b + first.C_cb.T @ offset)
         antenna_m = turned.C_cb @ first.antenna_lever_b + imu_m
-        return Mounting(antenna_m, imu_m, turn, own, first.antenna_sigma_m)
+        return Mounting(antenna_m, imu_m, turn, boresight, first.antenna_sigma_m)
 
 
 @dataclass(frozen=True)
@@ -333,7 +333,7 @@ class CameraInput:
         )
 
     def mountings(self, first: "Mounting") -> "tuple[Mounting, ...]":
-        """Return the mountings of the cameras of the rig.
+        """Return the placed of the cameras of the rig.
 
         Parameters
         ----------
@@ -345,5 +345,5 @@ class CameraInput:
         tuple of Mounting
             One a camera.
         """
-        own = (first if camera.mounting is None else camera.mounting for camera in self.further)
-        return (first, *(m.on(first) if isinstance(m, CameraMounting) else m for m in own))
+        placed = (first if camera.mounting is None else camera.mounting for camera in self.further)
+        return (first, *(m.on(first) if isinstance(m, CameraMounting) else m for m in placed))

@@ -11,7 +11,7 @@ from .kinds import Checked
 from .schema import argument
 
 GEOID = "geoid above the ellipsoid, to be added to heights of"
-GNSS = ", positions of GNSS that are above the geoid"
+OF_GNSS = ", positions of GNSS that are above the geoid"
 _form = partial(argument, metavar="FORMAT")
 _undulation = partial(argument, metavar="M")
 
@@ -51,8 +51,8 @@ class ComparisonOptions(Checked):
         "format of B, if not recognised from the file; one of the formats above",
         cli="--format-b",
     )
-    undulation_a_m: float | None = _undulation(None, f"{GEOID} A{GNSS}", cli="--undulation-a")
-    undulation_b_m: float | None = _undulation(None, f"{GEOID} B{GNSS}", cli="--undulation-b")
+    undulation_a_m: float | None = _undulation(None, f"{GEOID} A{OF_GNSS}", cli="--undulation-a")
+    undulation_b_m: float | None = _undulation(None, f"{GEOID} B{OF_GNSS}", cli="--undulation-b")
     origin: tuple[float, float, float] | None = argument(
         None,
         "origin of the tangent plane (deg, deg, m), if the file does not give it",

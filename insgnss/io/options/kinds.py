@@ -22,7 +22,7 @@ from .schema import Declared, class_names, declared, plain
 Problem = Callable[[Declared, Any], str]
 # m: a base that averaged its own position is off by metres, one of another datum by hundreds
 MOST_MOVED_M = 1000.0
-EARTH_RADIUS_M = 6.37e6  # radius of the Earth (m), for a distance that is held against MOST_MOVED_M
+EARTH_RADIUS_M = 6.37e6  # Earth's radius (m): good enough for a distance held against MOST_MOVED_M
 HOW_MANY = ("", "a number", "two numbers", "three numbers")
 
 
@@ -113,7 +113,7 @@ def check(instance: Any, table: str) -> None:
             raise OptionError(key, problem)
     start = f"{table}." if table else ""
     for name, item in options.items():
-        missing = [other for other in item.option.needs if getattr(instance, other) is None]
+        missing = [needed for needed in item.option.needs if getattr(instance, needed) is None]
         if missing and getattr(instance, name) != item.default:
             problem = f"has no meaning without {named(start + missing[0])}; give both"
             raise OptionError(start + name, problem)
@@ -183,8 +183,8 @@ def range_words(item: Declared) -> str:
 
 def _limits(item: Declared) -> str:
     """The range of an option's numbers with its unit."""
-    words = range_words(item)
-    return f"{words} {item.option.unit}".rstrip() if " to " in words else words
+    limits = range_words(item)
+    return f"{limits} {item.option.unit}".rstrip() if " to " in limits else limits
 
 
 def in_range(item: Declared, value: Any) -> bool:

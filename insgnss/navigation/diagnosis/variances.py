@@ -63,6 +63,7 @@ from ..noise_model.model import NoiseModel
 from .candidates import (
     ErrorModel,
     LayoutFactory,
+    only_code_fixes,
     with_larger_white_share,
     with_time_correlated_error,
 )
@@ -92,6 +93,11 @@ SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
 # and Gao 2012), less in motion, which changes the reflections; 800 to 1000 s of a network's
 # corrections, which a flight of minutes does not tell from an error of the base
 SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
+# both where the innovations show an error. Seconds, of a receiver's filter, are taken where slower
+# errors lose by some 14 in -2 log L (planted ones of 60 s have lost by up to 10), ten minutes are
+# the ionosphere's; that a claim is exceeded by more than three is rare (chosen)
+EVERY_S = {1.0: 3e-4, 5.0: 3e-4, **SLOW_S, LONGEST_WINDOW_S: 0.03}
+EVERY_SHARE = {**SHARES, 3.0: 0.03, 6.0: 0.01, 12.0: 0.003}
 LARGEST_STEP = 0.5  # of the logarithm of a share, from the same c^2 / T to its best
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
 
@@ -226,8 +232,8 @@ class VarianceSearch:
     def averaged(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors:
         """Average a time-correlated error over the correlation times of the same c^2 / T (V.3).
 
-        Fixes that move so much more than they claim may be float solutions or of one frequency,
-        whose errors last up to `LONGEST_WINDOW_S`: the innovations hardly tell.
+        Neither the innovations nor the claim tells how far the error goes: PPK that claims 2 cm may
+        wander by 4, and what the claim leaves beside its white share is no bound.
 
         Parameters
         ----------
@@ -239,9 +245,11 @@ class VarianceSearch:
         Returns
         -------
         FixErrors
-            The same with other share and correlation time; itself where a claim bounds it.
+            The same with other share and correlation time; itself where code solutions state errors
+            that last.
         """
-        if errors.gm_sigma is None or not beyond_claim(errors):
+        code = only_code_fixes(self.part.problem)
+        if errors.gm_sigma is None or (code and not beyond_claim(errors)):
             return errors
         first, first_s = errors.gm_sigma[0], errors.correlation_time_s
 
@@ -250,14 +258,14 @@ class VarianceSearch:
             return replace(errors, gm_sigma=sigma, correlation_time_s=time_s)
 
         gains: dict[tuple[float, float], float] = {}
-        for time_s in (first_s, *SLOW_S, LONGEST_WINDOW_S):
+        for time_s in EVERY_S:  # whichever was found: one reality, one sigma
             share, free = first * float(np.sqrt(time_s / first_s)), np.ones(1, bool)
             layout = layout_factory(moved(share, time_s))
             segment = [_linearised(self.part, layout, (CORRELATED,))]
             near = evaluate(segment, np.zeros(1), free)  # one step of the scoring to the best share
             step = np.clip(-near.gradient / near.information[0], -LARGEST_STEP, LARGEST_STEP)
             best = evaluate(segment, step, np.zeros(1, bool)).cost
-            share = share * float(np.exp(step[0]))
+            share *= float(np.exp(step[0])) if best <= near.cost else 1.0
             gains[share, time_s] = self.nothing.cost - min(best, near.cost)
         # where the part speaks against each of them nothing is left to average
         return moved(*_averaged(gains)) if max(gains.values()) > 0.0 else errors
@@ -319,7 +327,7 @@ class VarianceSearch:
 def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
     """Average share and correlation time (V.3) over their gains in -2 log L."""
     share, time_s = np.array(list(gains)).T
-    prior = _prior(share, SHARES) * _prior(time_s, SLOW_S)
+    prior = _prior(share, EVERY_SHARE) * _prior(time_s, EVERY_S)
     half_gain = 0.5 * np.array(list(gains.values()))
     largest = max(0.0, float(half_gain.max()))
     likelihood = prior * np.exp(half_gain - largest)

@@ -33,7 +33,7 @@ WIDER = 100.0  # times its sigma: a constant is then what the values alone make 
 FAR_SIGMAS = 3.0  # a-priori sigmas of a constant: further off it is stated wrong, not uncertain
 
 
-class Explanation(NamedTuple):
+class WrongSensor(NamedTuple):
     """What would make the values of a sensor agree with the flight.
 
     Parameters
@@ -60,7 +60,7 @@ class Explanation(NamedTuple):
 
 def explain_sensors(
     problem: EstimationProblem, alone: Solution, names: Collection[str] | None = None
-) -> list[Explanation]:
+) -> list[WrongSensor]:
     """Return what explains best why the values of sensors are not those that a flight predicts.
 
     Parameters
@@ -74,7 +74,7 @@ def explain_sensors(
 
     Returns
     -------
-    list of Explanation
+    list of WrongSensor
         Without text where none leaves less than `LEFT_AT_MOST` of the squares.
     """
     posed, _ = linearised_about(problem, alone.nav, alone.x)
@@ -86,7 +86,7 @@ def explain_sensors(
     ]
 
 
-def _explained(posed: EstimationProblem, about: Array, number: int) -> Explanation:
+def _explained(posed: EstimationProblem, about: Array, number: int) -> WrongSensor:
     """Explain one sensor of a problem that is linearised about the flight without them."""
     measured = posed.measurements[number]
     measurement, index = measured.measurement, measured.at_epoch
@@ -128,7 +128,7 @@ def _explained(posed: EstimationProblem, about: Array, number: int) -> Explanati
         if candidate[0] < LEFT_AT_MOST * squares:
             squares, text = candidate
     scatter = np.sqrt(np.array([before, squares]) / max(residual.size, 1)).tolist()
-    return Explanation(measurement.name, text, *scatter)
+    return WrongSensor(measurement.name, text, *scatter)
 
 
 def _stated(state: OwnState, value: float) -> str:

@@ -33,6 +33,7 @@ MOST_FITTED_ROWS = 1500
 SPIKE_DISTANCES = 10.0
 # s and share of the recording without a change, and changes of a neighbour meanwhile
 DEAD_S, DEAD_SHARE, ALIVE = 20.0, 0.3, 10
+LEAST_COUNT = 100.0  # that a sensor which counts reaches in motion: half a g, a few deg/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,8 @@ class ImuGrid:
         Number of grid intervals up to each instant that lie in a gap.
     interval : float, s
         Nominal interval of the recording.
+    whole_gyro, whole_accel : bool
+        Whether all readings of the sensor are whole numbers.
     """
 
     start: float
@@ -58,6 +61,8 @@ class ImuGrid:
     dvel: Array
     broken: Array
     interval: float
+    whole_gyro: bool = False
+    whole_accel: bool = False
 
 
 def imu_grid(imu: ImuSamples) -> ImuGrid:
@@ -80,7 +85,16 @@ def imu_grid(imu: ImuSamples) -> ImuGrid:
         readings.append(_without_spikes(np.diff(total[k] + share * piece[k], axis=0)))
     inside = np.concatenate([[0.0], np.cumsum(gap * width)])
     broken = np.rint((inside[k] + share[:, 0] * (gap * width)[k]) / step + 0.499)
-    return ImuGrid(float(imu.time[0]), step, readings[0], readings[1], broken, dt)
+    gyro, accel = readings
+    whole = _whole(imu.gyro), _whole(imu.accel)
+    return ImuGrid(float(imu.time[0]), step, gyro, accel, broken, dt, *whole)
+
+
+def _whole(values: Array) -> bool:
+    """Tell whether readings (n, 3) are whole numbers, as counts are, and not all of a few."""
+    if np.abs(values).max() < LEAST_COUNT:
+        return False
+    return all(bool((piece % 1.0 == 0.0).all()) for piece in (values[:100], values))
 
 
 def _without_spikes(x: Array) -> Array:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.findings.remedies import Remedy, SetKey, Step
 from ...geodesy.gpstime import LEAP_NOW_S
@@ -55,6 +56,10 @@ RATE_RATIO = (0.4, 1.8)
 UNIT_RATIO = (0.7, 1.4)  # of a ratio to that of a wrong unit
 # of the grid at speed, and the course rate's standard deviation there, rad/s
 LEAST_TURN_ROWS, LEAST_TURN_RATE = 100, 0.02
+# rate of the IMU's clock that is looked for, its step (s of the flight: turns take longer), and of
+# what turns leave unexplained at the best offset the most that a rate leaves (chosen)
+MOST_RATE, RATE_STEP_S, RATE_GAIN = 0.15, 1.0, 0.4
+RATE_CELLS, MOST_THINNED = 8000, 5  # cells of the grid that a rate needs; to 0.5 s at most
 FASTEST_TURN = 1.5  # rad/s, of a course
 # s: no other time scale is that near; exposures that would lie as straight there lie so by chance
 NEARER_S, AS_STRAIGHT = 9.0, 2.0
@@ -149,6 +154,32 @@ def exposures_off_lines(times: Sequence[Array], gnss: GnssFixes) -> list[int]:
     rate, moving = _course_rate(gnss, grid, width)
     located = [_cells(time, grid, moving) for time in times]
     return [int(np.sum(~usable | (np.abs(rate[k]) > IN_TURN))) for k, usable in located]
+
+
+def exposure_ways(time: Array, gnss: GnssFixes) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the way from each exposure to the next, and where its course is known and straight.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,), s
+        Times of the exposures, in the week of the fixes.
+    gnss : GnssFixes
+
+    Returns
+    -------
+    tuple of ndarray
+        Both (n - 1,): m, and bool.
+    """
+    position = np.column_stack([np.interp(time, gnss.time, axis) for axis in north_east(gnss).T])
+    way = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    grid = np.arange(gnss.time[0], gnss.time[-1], TURN_GRID_S)
+    width = _width(gnss, grid)
+    if grid.size < max(200, 5 * width):
+        return way, np.zeros(way.size, dtype=bool)
+    rate, moving = _course_rate(gnss, grid, width)
+    cells, usable = _cells(time, grid, moving)
+    turning = np.cumsum(~moving | (np.abs(rate) > IN_TURN))
+    return way, usable[1:] & usable[:-1] & (turning[cells[1:]] == turning[cells[:-1]])
 
 
 def _by_chance(
@@ -247,7 +278,8 @@ def check_turns(
     course_rate, moving = _course_rate(gnss, grid, width)
     down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
+    turns = _smooth(np.sum(rate * down, axis=1), width)
+    gyro = np.interp(grid, time, turns)
     if moving.sum() < LEAST_TURN_ROWS or np.std(course_rate[moving]) < LEAST_TURN_RATE:
         return ask.ok("no turns at speed to compare")
     lag, best, here, rival = _best_lag(gyro, course_rate, moving)
@@ -262,6 +294,10 @@ def check_turns(
     verdict, remedy, of_clock = _judge_turns(
         ratio, lag, best, here, imu, dt, max(REPORTED_LAG_S, spacing)
     )
+    if abs(best) < LAG_CORRELATION or (of_clock and verdict == "contradiction"):
+        found, of_rate = _judge_rate(time, turns, grid, course_rate, moving, best)
+        if found:
+            return ask.contradiction(f"{finding}; {found}", of_rate)
     if not remedy:
         return ask.answer(finding, verdict)
     forces = forces or _forces(imu, gnss)
@@ -340,6 +376,38 @@ def _judge_turns(
     if best > LAG_CORRELATION and abs(lag) > least_lag + 0.5 * TURN_GRID_S and explains:
         return "note", Step(f"{offset}; {shift}"), True
     return ("ok" if here > LEAST_TURN_CORRELATION else "note"), "", False
+
+
+def _judge_rate(
+    time: Array, turns: Array, grid: Array, course_rate: Array, moving: np.ndarray, best: float
+) -> tuple[str, Remedy]:
+    """What shows that the IMU's clock runs at a rate 1 / a, and the remedy; empty where nothing."""
+    thin = slice(None, None, max(1, min(grid.size // RATE_CELLS, MOST_THINNED)))
+    grid, course_rate, moving = grid[thin], course_rate[thin], moving[thin]
+    cell, middle = float(grid[1] - grid[0]), float(grid[grid.size // 2])
+    most = int(min(MOST_RATE * grid.size, grid.size // 4))
+    lags = np.arange(-most, most + 1)
+
+    def likeness(a: float) -> tuple[float, float, float]:
+        gyro = np.interp(grid, middle + a * (time - middle), turns, left=0.0, right=0.0)
+        value = _correlations(gyro, course_rate, moving, lags)
+        k = int(np.argmax(value))
+        return float(value[k]), a, cell * float(lags[k])
+
+    step = RATE_STEP_S / (grid[-1] - grid[0])
+    tried = max(map(likeness, 1.0 + np.arange(-MOST_RATE, MOST_RATE, step)))
+    like, a, lag = max(map(likeness, tried[1] + step * np.linspace(-1.0, 1.0, 21)))
+    better = like > LAG_CORRELATION and 1.0 - like**2 < RATE_GAIN * (1.0 - best**2)
+    if not better or abs(a - 1.0) < 2.0 * step:
+        return "", ""
+    share = f"{100.0 * abs(1.0 / a - 1.0):.2f} % {'fast' if a < 1.0 else 'slow'}"
+    remedy = Step(
+        f"the IMU's clock runs about {share}; "
+        + "{} and {} would put its samples on that of the fixes",
+        SetKey("imu.units time", f"{a:.6g} s"),
+        SetKey("imu.time_offset_s", round((1.0 - a) * middle - lag, 2)),
+    )
+    return f"{like:.2f} at {a:.4f} times its time and {lag:+.1f} s", remedy
 
 
 def _gyro_unit_remedy(ratio: float, imu: ImuSamples, dt: float) -> Remedy:

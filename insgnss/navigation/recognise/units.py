@@ -1,6 +1,8 @@
 """Units that the size of the readings allows.
 
-Gravity fixes that of the accelerometers, the possible leaves few for the gyros.
+Gravity fixes that of the accelerometers, the possible leaves few for the gyros. Readings that are
+whole numbers are counts of a converter of 16 bits or fewer over a range of 2^k g, or of 125 to 2000
+deg/s (data sheets of Bosch, InvenSense, ST); ST's gyros take 35/32.768 of that.
 """
 
 from dataclasses import dataclass
@@ -15,12 +17,20 @@ from .signal import ImuGrid
 G = STANDARD_GRAVITY
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0}
 ACCEL_UNITS = {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G}
+ACCEL_COUNTS = {f"{0.5**k:.12g} g": 0.5**k * G for k in range(8, 16)}
+GYRO_COUNTS = {
+    f"{count * 0.5**k:.12g} deg/s": count * 0.5**k * DEG
+    for k in range(5)
+    for count in (2e3 / 2**15, 0.07)
+}
 GYRO_BY_CLAIM = (1.0 / DEG, 3600.0, 3600.0 / DEG)  # what a wrong claim makes of GYRO_UNITS
 ACCEL_BY_CLAIM = (1.0 / G, 1e3 / G, 1e3, 1e-3)  # what a wrong claim makes of ACCEL_UNITS
 SIZE_S = 0.1  # vibration is averaged over it
 LEAST_RATE, MOST_RATE = 3e-5, 30.0  # rad/s: less than half the Earth's; more than 1700 deg/s
 # logarithm of gravity's size against a unit: sure, not at all, and to the next unit
 GOOD_LOG_MISFIT, MOST_LOG_MISFIT, SURE_MARGIN = 0.15, 0.4, 0.5
+# of counts: scale errors of small accelerometers, and to the next one
+COUNT_LOG_MISFIT, COUNT_MARGIN = 0.04, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +66,13 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
         (f, unit, "mean_rate") for unit, f in ACCEL_UNITS.items()
     ]
     candidates += [(1.0 / grid.interval, "m/s", "increments")]
+    if grid.whole_accel:
+        counts: list[tuple[float, str, Quantity]] = [
+            (f, unit, "mean_rate") for unit, f in ACCEL_COUNTS.items()
+        ]
+        nearest = _nearest([*candidates, *counts], size)
+        if nearest[0][0] < COUNT_LOG_MISFIT:
+            return _counted_force(size, *nearest)
     (misfit, factor, unit, quantity), second = _nearest(candidates, size)
     if misfit > MOST_LOG_MISFIT:
         (misfit, factor, unit, quantity), second = _nearest(
@@ -85,6 +102,19 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
     return ForceUnit(factor, unit or "m/s^2", quantity, of_quantity, of_unit)
 
 
+def _counted_force(
+    size: float, nearest: tuple[float, float, str, Quantity], second: float
+) -> ForceUnit:
+    """Return the unit of whole numbers, unsure where the size fits another one nearly as well."""
+    misfit, factor, unit, quantity = nearest
+    sure = MOST_CONFIDENCE * (1.0 if second > misfit + COUNT_MARGIN else 0.5)
+    evidence = f"median size {size:.4g} of whole numbers, where gravity is {G / factor:.4g}"
+    of_quantity = answer("quantity", "rates", sure, evidence)
+    return ForceUnit(
+        factor, unit, quantity, of_quantity, answer("accelerometer unit", unit, sure, evidence)
+    )
+
+
 def unknown_force(factor: float, why: str) -> ForceUnit:
     """Return the abstention, with the reason `why`."""
     of_quantity, of_unit = unknown("quantity", why), unknown("accelerometer unit", why)
@@ -108,6 +138,8 @@ def _nearest(
 def gyro_factors(grid: ImuGrid, quantity: str) -> list[float]:
     """Return the factors to rad/s that make the readings rates that a drone and a gyro can have."""
     candidates = [*GYRO_UNITS.values(), *GYRO_BY_CLAIM]
+    if grid.whole_gyro:
+        candidates = [*GYRO_UNITS.values(), *GYRO_COUNTS.values()]
     if quantity == "increments":
         candidates = [f / grid.interval for f in candidates]
     size = np.linalg.norm(grid.dtheta, axis=1) / grid.step
@@ -119,7 +151,7 @@ def gyro_unit(factor: float, quantity: str, interval: float) -> str:
     """Return the name of the unit with that factor; empty where a wrong claim made the factor."""
     f = abs(factor) * (interval if quantity == "increments" else 1.0)
     symbol = next(
-        (unit for unit, unit_factor in GYRO_UNITS.items() if abs(np.log(f / unit_factor)) < 1e-6),
+        (unit for unit, one in (GYRO_UNITS | GYRO_COUNTS).items() if abs(np.log(f / one)) < 1e-6),
         "",
     )
     return symbol.removesuffix("/s") if quantity == "increments" else symbol

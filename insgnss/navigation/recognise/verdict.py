@@ -21,6 +21,8 @@ LEAST_LOG_ODDS = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
 LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind
 # relative error of a gyro factor that no gyro has; sigma above which the turns do not show it
 MOST_SCALE_ERROR, SCALE_SIGMA = 0.25, 0.1
+# logarithm within which two counts of a gyro are neighbours, and scale error that tells them apart
+NEIGHBOUR, NEIGHBOUR_SCALE_ERROR = 0.3, 0.06
 HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertain
 # relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
 COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0
@@ -51,7 +53,11 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
     """
     scan, fit = relation.scan, relation.fit
     size = relation.factors[relation.best]
-    others = [float(s.score.max()) for s in relation.scans if s is not scan]
+    others = [
+        float(s.score.max())
+        for s, factor in zip(relation.scans, relation.factors, strict=True)
+        if s is not scan and not _neighbours(factor, size)
+    ]
     unit = gyro_unit(size, force.quantity, interval)
     value = unit or f"{size:.4g} rad/s"
     sure = odds(CAUTION * scan.against(max(others, default=0.0)))
@@ -73,7 +79,9 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
                 f" {gyro_unit(1.0, force.quantity, 1.0)}"
             )
             sure = 0.0
-        sure = 0.0 if abs(scale - 1.0) > MOST_SCALE_ERROR or sigma > SCALE_SIGMA else sure
+        near = any(_neighbours(factor, size) for factor in relation.factors)
+        most = NEIGHBOUR_SCALE_ERROR if near else MOST_SCALE_ERROR
+        sure = 0.0 if abs(scale - 1.0) > most or sigma > SCALE_SIGMA else sure
     of_unit = answer("gyro unit", value, sure, evidence)
     triads = min(odds(CAUTION * scan.against(relation.rival)), sure)
     evidence = (
@@ -81,6 +89,11 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
         f" {_percent(relation.rival)}"
     )
     return of_unit, answer("gyro triad", triads_words(relation.triads), triads, evidence)
+
+
+def _neighbours(factor: float, size: float) -> bool:
+    """Tell whether two factors of gyros differ by so little that the fitted scale tells them."""
+    return 0.0 < abs(math.log(factor / size)) < NEIGHBOUR
 
 
 def triads_words(triads: Array) -> str:

@@ -5,11 +5,9 @@ all lags. Labels as there.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.compilation import njit
-
-Array = NDArray[np.float64]
+from ...records import Array
 
 DIRECT = 16  # lags of the innermost panels, which are summed one by one
 _HALF_NODES = np.array(

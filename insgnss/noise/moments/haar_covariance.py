@@ -45,15 +45,14 @@ long series.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.errors import UsageError
 from ...navigation.noise_model.model import AxisNoise
+from ...records import Array
 from ..processes.gauss_markov import gauss_markov_coefficients, is_point
 from ._covariance_kernels import all_pairs
 from .theory import Sampling, haar_variance
-
-Array = NDArray[np.float64]
 
 
 def haar_covariance(

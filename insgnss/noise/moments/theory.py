@@ -27,15 +27,15 @@ Am. Stat. Assoc. 108, 1021, give them for "point", IEEE Std 952 annex C Allan's 
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.errors import UsageError
 from ...navigation.noise_model.model import AxisNoise
+from ...records import Array
 from ..processes.gauss_markov import check_rate, gauss_markov_haar, is_point
 
 __all__ = ["Sampling", "gauss_markov_haar", "haar_variance", "haar_variance_parts"]
 
-Array = NDArray[np.float64]
 Sampling = Literal["point", "mean"]
 
 

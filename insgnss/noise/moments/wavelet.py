@@ -53,7 +53,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import DataError, InputError, InsgnssError, UsageError
-from ...records import WaveletVariance, chi_square_interval
+from ...records import Array, WaveletVariance, chi_square_interval
 from ._kernels import biweight_mean, copy_sum, cumulate, haar_squares, second_difference_power
 
 __all__ = [
@@ -64,7 +64,6 @@ __all__ = [
     "wavelet_variances",
 ]
 
-Array = NDArray[np.float64]
 Decomposition = Literal["modwt", "dwt"]
 
 _THREADS = 2  # most at once (chosen)

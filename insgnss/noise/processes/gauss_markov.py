@@ -34,12 +34,11 @@ not cancel, and the case of means that of IEEE Std 952 annex C.
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.compilation import njit
 from ...base.errors import UsageError
-
-Array = NDArray[np.float64]
+from ...records import Array
 
 SAMPLINGS = ("point", "mean")
 

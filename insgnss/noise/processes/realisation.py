@@ -25,13 +25,11 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.compilation import njit
 from ...base.errors import UsageError
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
-
-Array = NDArray[np.float64]
+from ...records import Array
 
 # of u; there ten levels of the continued fraction are exact to rounding, and beyond, the difference
 # is

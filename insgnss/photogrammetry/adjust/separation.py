@@ -31,7 +31,7 @@ from .unknowns import CAMERA, POINT, POSE
 
 TOO_CORRELATED = 0.9  # correlation from which on unknowns are named as hard to separate (chosen)
 AERIAL = "aerial control"
-HEIGHT, ABOUT_Y, ABOUT_X = COMMON_MOTIONS
+HEIGHT_MOTION, ABOUT_Y, ABOUT_X = COMMON_MOTIONS
 TWO_HEIGHTS = (
     "fly some strips at two and a half times the height: the effect of a camera parameter on"
     " the ground grows with the height, that of a lever arm does not"
@@ -65,7 +65,7 @@ OTHER_VIEWS = (
 NORMAL = "normal: within the image only their sum matters; nothing to do"
 
 REMEDIES_OF_PAIRS: dict[frozenset[str], str] = {
-    frozenset(("f", HEIGHT)): (
+    frozenset(("f", HEIGHT_MOTION)): (
         "observe the positions of the images (GNSS; from two heights where the lever arm or a"
         " shift is an unknown too), or fly some strips with the camera tilted by 45 deg"
     ),
@@ -150,7 +150,7 @@ def inseparable(precision: Precision) -> tuple[Inseparable, ...]:
         if i < n and (j < n or camera_row == other_row):
             pair = frozenset((kind, other_kind))
             remedy = REMEDIES_OF_PAIRS.get(pair, "")
-            if pair == {"f", HEIGHT} and observed:
+            if pair == {"f", HEIGHT_MOTION} and observed:
                 remedy = OTHER_VIEWS
             pairs.append(Inseparable(first, second, float(rho[i, j]), remedy))
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))

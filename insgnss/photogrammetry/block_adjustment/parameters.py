@@ -182,7 +182,9 @@ VEHICLE_PARAMETERS = (
     BlockParameter(SIZE, "vehicle.size_sigma_m", "m", 0.0),
 )
 """Of a vehicle whose target the images see; no trial estimates its size."""
-BY_NAME = {parameter.name: parameter for parameter in (*MOUNTING_PARAMETERS, *VEHICLE_PARAMETERS)}
+PARAMETERS = {
+    parameter.name: parameter for parameter in (*MOUNTING_PARAMETERS, *VEHICLE_PARAMETERS)
+}
 
 
 def prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
@@ -290,7 +292,9 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     for name, est in (figures["mounting"] | vehicle["parameters"]).items():
         factor, unit = screen_unit(est["unit"])
         columns = zip(
-            BY_NAME[name].axes, *map(est.get, ("value", "sigma", "sigma_before")), strict=True
+            PARAMETERS[name].axes,
+            *map(est.get, ("value", "sigma", "sigma_before")),
+            strict=True,
         )
         for axis, value, sigma, before in columns:
             one = Estimate(State(name, axis), value, sigma, before)

@@ -26,6 +26,7 @@ from .readings import (
     FEWEST_RAYS_JUDGED,
     BlockReading,
     as_given,
+    broken_orders,
     median_length,
     readings,
     some_rays,
@@ -160,6 +161,7 @@ def _refuse_readings(
         raise DataError(
             f"{start}; they would fit to {explanation.left:.1f} px if {explanation.clauses(words)}"
         )
+    _refuse_broken(inputs, as_given(inputs), limits[0])
     if misclosure_px > limits[1]:
         control = inputs.file.aerial_control
         angles = "first attitudes" if control.positions_alone else "its angles"
@@ -168,6 +170,24 @@ def _refuse_readings(
             " axes, images in another order, a delay, a principal point from the middle fits;"
             f" {control.file} is of another flight, {angles} were in other units (degrees for"
             " radians), or names of images or points are others"
+        )
+
+
+def _refuse_broken(inputs: BlockInputs, whole: BlockReading, good_px: float) -> None:
+    """Refuse a block the order of whose images breaks, and name where."""
+
+    def misfit(reading: BlockReading) -> float:
+        few = reading.image.size < FEWEST_RAYS_JUDGED
+        return np.inf if few else median_length(reading.residuals())
+
+    candidates = broken_orders(inputs, whole, good_px)
+    explanation = explain(whole, candidates, misfit, good_px, PIXEL)
+    if explanation is not None:
+        raise DataError(
+            "image observations of some images do not fit the aerial control: rays of their points"
+            f" miss each other by {min(explanation.before, FAR_OFF):.0f} px, and by"
+            f" {explanation.left:.1f} px if"
+            f" {explanation.clauses(lambda one: f'{one.statement}: {one.remedy}')}"
         )
 
 
@@ -190,7 +210,10 @@ def _refuse_images(
             break
         out.append((worst, float(medians[worst])))
         remaining = remaining.rows(remaining.image != worst)
-    if not out or len(out) > MOST_NAMED_IMAGES or len(out) > 0.2 * n:
+    if len(out) > min(MOST_NAMED_IMAGES, 0.2 * n):
+        _refuse_broken(inputs, whole, float(limit.max()))
+        return
+    if not out:
         return
     some = sorted(i for i, _ in out)
     named = " and ".join(names[i] for i in some)

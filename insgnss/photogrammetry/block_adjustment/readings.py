@@ -5,7 +5,7 @@ rays of the same point nearest to each other, by least squares with weights of a
 is left, the median distance of rays from the points that they intersect in, is in pixels.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 from ...geodesy.conventions import CAMERA_SETS, JUDGED_ROWS, angles, orders, turned_by
 from ...geodesy.explain import Candidate
-from ...geodesy.rotation import (
-    CV_RUB,
-    right_angle_rotations,
-    rotation_from_vector,
-)
+from ...geodesy.rotation import CV_RUB, right_angle_rotations, rotation_from_vector
 from ...records.block import INTERIOR, Array, BrownCamera
+from ...records.relative import GAP_S
 from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
+from .aerial.relative import breaks
 from .inputs import BlockInputs
 
 # below which no reading is judged (chosen): three or four unknowns are fitted
@@ -32,7 +30,16 @@ OWN_AXES = ("its x axis", "its y axis", "its z axis")
 OF_FLIGHT = "correct camera_from_body or bore-sight of the flight file and process again"
 OF_EO = "write the attitudes of eo.json as its conventions say (data_specs/eo_json.md)"
 ALONE = "begin with other attitudes (--initial)"
+MISSED = (
+    "a photograph or a position is missing there, or one too many; name positions by their images"
+)
+TURNS_DEG = (90.0, 180.0, 270.0)  # of the attitudes of a line: of a reversed course, of a camera
+RAYS_OF_IMAGE = 20  # of an image (chosen), where the image is looked for at which an order breaks
+MOST_MISSED = 2  # photographs or positions missing at one place that are looked for (chosen)
+PLACES, PLACES_OF_LINE = 24, 4  # of all images and of a line, tried before single images (chosen)
+FEWEST_IN_LINE = 4  # images of a line, below which its order is not judged (chosen)
 FAR_OFF = 1e6  # pixels, of a point behind its camera
+VERTICAL = np.array([0.0, 0.0, 1.0])  # up, of the tangent plane
 Rows = NDArray[np.int64]
 
 
@@ -182,25 +189,27 @@ def as_given(inputs: BlockInputs) -> BlockReading:
     return whole.rows(keep)
 
 
-def some_rays(reading: BlockReading) -> BlockReading:
+def some_rays(reading: BlockReading, most: int = MOST_RAYS) -> BlockReading:
     """Return the rays of points in even steps, of those with three rays where there are enough.
 
     Parameters
     ----------
     reading : BlockReading
         All rays.
+    most : int
+        How many rays are wanted.
 
     Returns
     -------
     BlockReading
-        With `MOST_RAYS` of them, about.
+        With as many rays, about.
     """
     count = np.bincount(reading.point)
     points = np.flatnonzero(count >= 3)
     if count[points].sum() < FEWEST_RAYS_JUDGED:
         points = np.flatnonzero(count >= 2)
-    if points.size and (total := int(count[points].sum())) > MOST_RAYS:
-        steps = np.linspace(0, points.size - 1, max(1, points.size * MOST_RAYS // total))
+    if points.size and (total := int(count[points].sum())) > most:
+        steps = np.linspace(0, points.size - 1, max(1, points.size * most // total))
         points = points[steps.astype(int)]
     return reading.rows(np.isin(reading.point, points))
 
@@ -346,6 +355,128 @@ def _other_cameras(inputs: BlockInputs, few: BlockReading) -> Iterator[Candidate
             "give the camera of these images: f, cx, cy, width and height in their pixels",
             cameras,
         )
+
+
+@dataclass(frozen=True)
+class _Break:
+    """What is wrong with the images of consecutive rows, in the order of time.
+
+    first, end : rows from the first on, without the last.
+    missed : by how many rows their positions are off; 0: they are in the reverse order, or
+    turn_deg : their attitudes are turned about the vertical.
+    """
+
+    first: int
+    end: int
+    missed: int = 0
+    turn_deg: float = 0.0
+
+    def read(self, stated: BlockReading, order: Rows, alone: bool) -> BlockReading:
+        """Return the block with it mended; `alone`: attitudes come by name, from elsewhere.
+
+        `order` has the rows of images by time; those that then have no position take no part.
+        """
+        position, C = stated.position.copy(), stated.C.copy()
+        rows = np.arange(self.first, self.end)
+        if self.turn_deg:
+            turn = rotation_from_vector(np.radians(self.turn_deg) * VERTICAL)
+            C[order[rows]] = turn @ C[order[rows]]
+            return replace(stated, C=C)
+        source = rows + self.missed if self.missed else rows[::-1]
+        has = (source >= self.first) & (source < self.end)
+        position[order[rows[has]]] = stated.position[order[source[has]]]
+        if not alone:
+            C[order[rows[has]]] = stated.C[order[source[has]]]
+        keep = ~np.isin(stated.image, order[rows[~has]])
+        return replace(stated, position=position, C=C).crossing(keep)
+
+    def statement(self, names: Sequence[str]) -> str:
+        """Return what is the case, of images by name in the order of time."""
+        images = f"images {names[self.first]} to {names[self.end - 1]}"
+        if self.turn_deg:
+            turned_deg = 360.0 - self.turn_deg
+            return f"the attitudes of {images}, a flight line, were turned by {turned_deg:.0f} deg"
+        if not self.missed:
+            return f"{images}, a flight line, were numbered in the reverse order"
+        n = abs(self.missed)
+        which = f"{n} before it" if self.missed > 0 else f"{n} after it"
+        return f"each of the {images} had the position of the image {which}"
+
+
+def broken_orders(
+    inputs: BlockInputs, whole: BlockReading, longest_px: float
+) -> Iterator[Candidate[BlockReading]]:
+    """Return how the order of images may break: from one image on, or in one flight line.
+
+    Of each kind the place is taken that leaves the shortest distances of rays on average; their
+    median says nothing, since most rays fit wherever an order breaks.
+
+    Parameters
+    ----------
+    inputs : BlockInputs
+        The block.
+    whole : BlockReading
+        As it is stated.
+    longest_px : float
+        Distance as which longer ones are counted.
+
+    Yields
+    ------
+    Candidate
+        One of each kind, judged by the rays of the points that its images see.
+    """
+    order = np.argsort(inputs.eo_row, kind="stable")
+    order = order[inputs.eo_row[order] >= 0]
+    if inputs.eo is None or not order.size:
+        return
+    few, names = some_rays(whole, RAYS_OF_IMAGE * order.size), inputs.block.images
+    in_order = [names[k] for k in order]
+    number = breaks(inputs.eo, GAP_S)[inputs.eo_row[order]]
+    lines = np.split(np.arange(order.size), np.flatnonzero(np.diff(number)) + 1)
+    lines = [line for line in lines if line.size >= FEWEST_IN_LINE]
+    alone = inputs.file.aerial_control.positions_alone
+
+    def misfit(one: _Break) -> float:
+        distance = np.linalg.norm(one.read(few, order, alone).residuals(), axis=1)
+        return float(np.minimum(distance, longest_px).mean())
+
+    def candidate(one: _Break) -> Candidate[BlockReading]:
+        concerned = np.isin(few.image, order[one.first : one.end])
+        of_points = few.rows(np.isin(few.point, few.point[concerned]))
+        mended = one.read(of_points, order, alone)
+        same = of_points.rows(np.isin(of_points.row, mended.row))
+        remedy = ALONE if one.turn_deg else MISSED if one.missed else "correct their names"
+        return Candidate(
+            one.statement(in_order), lambda _: mended, remedy=remedy, same=lambda _: same
+        )
+
+    def best(kind: Sequence[_Break], step: int = 1) -> _Break:
+        coarse = min(kind[::step], key=misfit)
+        k = kind.index(coarse)
+        return min(kind[max(0, k - step + 1) : k + step], key=misfit)
+
+    for missed in (k for k in range(-MOST_MISSED, MOST_MISSED + 1) if k):
+        last = order.size - abs(missed)
+        to_end = [_Break(k, order.size, missed) for k in range(1, last)]
+        if to_end:
+            yield candidate(best(to_end, max(1, len(to_end) // PLACES)))
+        if lines:
+            firsts = [line[: -abs(missed)] for line in lines]
+            coarse = min(
+                (
+                    _Break(int(k), int(line[-1]) + 1, missed)
+                    for line, first in zip(lines, firsts, strict=True)
+                    for k in first[:: max(1, line.size // PLACES_OF_LINE)]
+                ),
+                key=misfit,
+            )
+            line = next(first for first in firsts if coarse.first in first)
+            yield candidate(best([replace(coarse, first=int(k)) for k in line]))
+    if lines:
+        ends = [(int(line[0]), int(line[-1]) + 1) for line in lines]
+        yield candidate(best([_Break(*line) for line in ends]))
+        for turn_deg in TURNS_DEG:
+            yield candidate(best([_Break(*line, turn_deg=turn_deg) for line in ends]))
 
 
 def with_values(camera: BrownCamera, **values: float) -> BrownCamera:

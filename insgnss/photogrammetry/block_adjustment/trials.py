@@ -33,7 +33,7 @@ from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, motion_of_images
 from .inputs import USUAL_FREE, BlockInputs
 from .mode import CAMERA_HELD
-from .parameters import BY_NAME, MOUNTING_PARAMETERS, VEHICLE_PARAMETERS, BlockParameter
+from .parameters import MOUNTING_PARAMETERS, PARAMETERS, VEHICLE_PARAMETERS, BlockParameter
 from .residuals.check_points import check_points
 from .solve import AdjustedBlock, ground_groups, groups_of
 from .solve import solved as adjusted_block
@@ -419,7 +419,7 @@ def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Arr
         columns = result.problem.layout.columns
         return np.asarray(result.values.interior[key[1], columns] - interior[columns])
     value = result.values.blocks[key]
-    return value if key == CONTROL_SHIFT else BY_NAME[key[0]].change(value, file)
+    return value if key == CONTROL_SHIFT else PARAMETERS[key[0]].change(value, file)
 
 
 def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:

@@ -68,12 +68,12 @@ def _candidates(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     yield from _constant(a, b)
 
 
-def _turned(left: Array, right: Array) -> Callable[[Poses, Poses], Poses]:
+def _turned(left_factor: Array, right_factor: Array) -> Callable[[Poses, Poses], Poses]:
     """What takes off turns of the frame and of its own axes; the file's angles go with them."""
 
     def turned(_: Poses, b: Poses) -> Poses:
         assert b.C_Ex is not None
-        return replace(b, C_Ex=left @ b.C_Ex @ right, angles=None)
+        return replace(b, C_Ex=left_factor @ b.C_Ex @ right_factor, angles=None)
 
     return turned
 
@@ -83,15 +83,15 @@ def _axes(b: Poses) -> Iterator[Candidate[Matched]]:
     for Q in right_angle_rotations()[1:]:
         yield taken_off(*_of_own_axes(Q, b.x), _turned(UNTURNED, Q.T))
         yield taken_off(*_of_the_frame(Q), _turned(Q.T, UNTURNED))
-    words = (
+    text = (
         "b is of north-east-down and forward-right-down where a is of east-north-up and"
         " right-forward-up"
     )
-    yield taken_off("frame and body axes", words, _turned(NED_ENU, NED_ENU))
+    yield taken_off("frame and body axes", text, _turned(NED_ENU, NED_ENU))
     yield taken_off("inverse", f"b has the inverse rotation, frame to {b.x}", _transposed(UNTURNED))
     if b.x == "camera":
-        words = "b has the transposed matrix, frame to camera with axes right, up, back"
-        yield taken_off("inverse", words, _transposed(CV_RUB))
+        text = "b has the transposed matrix, frame to camera with axes right, up, back"
+        yield taken_off("inverse", text, _transposed(CV_RUB))
 
 
 def _transposed(X: Array) -> Callable[[Poses, Poses], Poses]:
@@ -110,12 +110,12 @@ def _transposed(X: Array) -> Callable[[Poses, Poses], Poses]:
 def _of_own_axes(Q: Array, x: str) -> tuple[str, str]:
     """Name and statement of (A.1)."""
     if x == "camera" and np.array_equal(Q, CV_RUB):
-        words = "are right, up, back where those of a are right, down, viewing direction"
-        return "camera axes", f"camera axes of b {words}"
-    words = f"{x} of b turned by {turned_by(Q, TURNED_AXES[x])}"
+        text = "are right, up, back where those of a are right, down, viewing direction"
+        return "camera axes", f"camera axes of b {text}"
+    text = f"{x} of b turned by {turned_by(Q, TURNED_AXES[x])}"
     if Q[2, 2] < 1.0:
-        return f"axes of the {x}", words
-    return "yaw turned", words + (" (yaw; top of the image for the nose?)" if x == "camera" else "")
+        return f"axes of the {x}", text
+    return "yaw turned", text + (" (yaw; top of the image for the nose?)" if x == "camera" else "")
 
 
 def _of_the_frame(Q: Array) -> tuple[str, str]:
@@ -175,31 +175,31 @@ def _constant(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     psi = turn_between(a, b)
     up = float(np.arctan2(np.sin(psi[:, 2]).mean(), np.cos(psi[:, 2]).mean()))
     quarters = round(up / (0.5 * np.pi))
-    rest = float(np.degrees(up)) - 90.0 * quarters
-    turn = f"{90 * quarters:+d} deg and {rest:+.4f} deg" if quarters else f"{rest:+.4f} deg"
-    words = (
+    turn_deg = float(np.degrees(up)) - 90.0 * quarters
+    turn = f"{90 * quarters:+d} deg and {turn_deg:+.4f} deg" if quarters else f"{turn_deg:+.4f} deg"
+    text = (
         f"attitude of b turned by {turn} about up (grid, true or magnetic north; meridian"
         " convergence)"
     )
     yield taken_off(
         "north",
-        words,
+        text,
         _turned(rotation_from_vector(np.array([0.0, 0.0, -up])), UNTURNED),
         1,
         {"up_rad": up},
     )
     Q = nearest_rotation((np.swapaxes(a.C_Ex, 1, 2) @ b.C_Ex).mean(axis=0))
-    words, values = _turn_words(
+    text, values = _turn_words(
         Q,
         CAMERA_DIRECTIONS if b.x == "camera" else BODY_AXES,
         f"bore-sight or mounting of the {b.x}",
     )
-    yield taken_off("boresight", words, _turned(UNTURNED, Q.T), 3, values)
+    yield taken_off("boresight", text, _turned(UNTURNED, Q.T), 3, values)
     Q = nearest_rotation((b.C_Ex @ np.swapaxes(a.C_Ex, 1, 2)).mean(axis=0))
-    words, values = _turn_words(
+    text, values = _turn_words(
         Q, ENU_NAMES, "other axes of the frame, another origin of a tangent plane"
     )
-    yield taken_off("turn of the frame", words, _turned(Q.T, UNTURNED), 3, values)
+    yield taken_off("turn of the frame", text, _turned(Q.T, UNTURNED), 3, values)
 
 
 def _turn_words(

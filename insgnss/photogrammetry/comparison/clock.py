@@ -47,11 +47,11 @@ def by_names(matched: Matched) -> Mismatch | None:
     before, after = (rms(seconds[:, None]) for seconds in (offset, offset - usual))
     if after > EXPLAINS * before:
         return None
-    words = (
+    text = (
         f"stamps of b are {abs(usual):.3f} s {'later' if usual > 0 else 'earlier'} than those of a"
         f" for the same images{leap_words(usual)}"
     )
-    return Mismatch("time", words, "time", before, after, {"seconds": usual}, unit="s")
+    return Mismatch("time", text, "time", before, after, {"seconds": usual}, unit="s")
 
 
 def by_motion(a: Poses, b: Poses) -> tuple[Mismatch, Matched] | None:
@@ -79,10 +79,8 @@ def by_motion(a: Poses, b: Poses) -> tuple[Mismatch, Matched] | None:
         before = abs(best) * _speed(a, b, best)
     if before < LEAST_UNEXPLAINED_M or after > EXPLAINS * before:
         return None
-    words = (
-        f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"
-    )
-    return Mismatch("time", words, "time", before, after, {"seconds": -best}), match(a, b, best)
+    text = f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"
+    return Mismatch("time", text, "time", before, after, {"seconds": -best}), match(a, b, best)
 
 
 def leap_words(late_s: float) -> str:
@@ -102,8 +100,8 @@ def _spread(a: Poses, b: Poses, shift: float) -> float:
     if matched is None:
         return np.inf
     d, beside = _equations(*matched)
-    left = d - beside @ np.linalg.lstsq(beside, d, rcond=None)[0]
-    return float(np.sqrt(2.0 * np.mean(left**2)))
+    residual = d - beside @ np.linalg.lstsq(beside, d, rcond=None)[0]
+    return float(np.sqrt(2.0 * np.mean(residual**2)))
 
 
 def _equations(a: Poses, b: Poses) -> tuple[Array, Array]:
@@ -144,5 +142,5 @@ def _sampled(a: Poses, b: Poses, shift: float) -> tuple[Poses, Poses] | None:
     if inside.size < max(LEAST_POSES, LEAST_SHARE * wanted.size):
         return None
     rows = inside[:: max(1, inside.size // MOST_POSES)]
-    taken, other = sparse.taken(rows), interpolated(dense, samples, wanted[rows])
-    return (taken, other) if of_a else (other, taken)
+    taken, from_dense = sparse.taken(rows), interpolated(dense, samples, wanted[rows])
+    return (taken, from_dense) if of_a else (from_dense, taken)

@@ -73,7 +73,7 @@ def compare_files(
 
 
 def _read_both(
-    given: Sequence[tuple[str | Path | ExteriorOrientation | Trajectory, str | None]],
+    inputs: Sequence[tuple[str | Path | ExteriorOrientation | Trajectory, str | None]],
     hints: Sequence[Hints],
 ) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
     """Both files, of path, format and hints.
@@ -85,33 +85,33 @@ def _read_both(
     without_origin: list[tuple[int, NoOriginError]] = []
     notes: list[str] = []
     hints = list(hints)
-    for k in sorted(range(2), key=lambda k: not _may_be_master(given[k][0])):
-        path, form = given[k]
-        if (other := read[1 - k]) is not None:
-            hints[k] = replace(hints[k], datum=other.datum, epoch=other.epoch)
+    for k in sorted(range(2), key=lambda k: not _may_be_master(inputs[k][0])):
+        path, form = inputs[k]
+        if (partner := read[1 - k]) is not None:
+            hints[k] = replace(hints[k], datum=partner.datum, epoch=partner.epoch)
         try:
             read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
             without_origin.append((k, refusal))
         except FarError as refusal:
-            if other is None:
+            if partner is None:
                 raise
-            shifted = shift_from_positions(Path(str(path)), form, hints[k], other)
+            shifted = shift_from_positions(Path(str(path)), form, hints[k], partner)
             whole = shifted is None or float(np.abs(refusal.x[:, :2]).max()) > PLANE_M
-            if whole and (crs := _fitting(refusal.x, other, hints[k])):
+            if whole and (crs := _fitting(refusal.x, partner, hints[k])):
                 raise FarError(f"{refusal}; the numbers fit {crs}", refusal.x) from None
             if shifted is None:
                 raise
             read[k] = read_poses(path, form, shifted)
-            notes.append(_of_shift(path, given[1 - k][0], shifted))
+            notes.append(_of_shift(path, inputs[1 - k][0], shifted))
     for k, error in without_origin:
-        (path, form), reference, other = given[k], given[1 - k][0], read[1 - k]
-        if other is None or other.plane is None:
+        (path, form), reference, partner = inputs[k], inputs[1 - k][0], read[1 - k]
+        if partner is None or partner.plane is None:
             raise error
-        if hint := shift_from_positions(Path(str(path)), form, hints[k], other):
+        if hint := shift_from_positions(Path(str(path)), form, hints[k], partner):
             notes.append(_of_shift(path, reference, hint))
         else:
-            plane = other.plane
+            plane = partner.plane
             origin = float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height
             hint = replace(hints[k], origin=origin)
             notes.append(
@@ -174,11 +174,11 @@ def _in_datum_of(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
     return replace(moved, datum=a.datum, epoch=a.epoch), (f"{statement}: b is transformed{by}",)
 
 
-def _may_be_master(given: str | Path | ExteriorOrientation | Trajectory) -> bool:
+def _may_be_master(source: str | Path | ExteriorOrientation | Trajectory) -> bool:
     """Tell whether what is given may name the datum of its positions."""
-    if isinstance(given, str | Path):
-        return Path(given).suffix.lower() == ".json"
-    return isinstance(given, ExteriorOrientation)
+    if isinstance(source, str | Path):
+        return Path(source).suffix.lower() == ".json"
+    return isinstance(source, ExteriorOrientation)
 
 
 def compare_poses(
@@ -325,10 +325,10 @@ def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
 
     Of the one file's where the other gives none.
     """
-    given = [P for P in (P_a, P_b) if P is not None]
-    if not given:
+    stated = [P for P in (P_a, P_b) if P is not None]
+    if not stated:
         return None
-    return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in given))
+    return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in stated))
 
 
 def _far(matched: Matched) -> float:

@@ -108,10 +108,10 @@ def times(a: Poses, b: Poses, shift_s: float = 0.0) -> tuple[Array, Array]:
     """Times of both in seconds of a's week, b's shifted; DataError where one has none."""
     for poses in (a, b):
         if poses.time is None:
-            other = b if poses is a else a
+            partner = b if poses is a else a
             problem = (
-                f"{poses.source} has no times, {other.source}"
-                f" {'other image names' if other.images else 'no image names'}"
+                f"{poses.source} has no times, {partner.source}"
+                f" {'other image names' if partner.images else 'no image names'}"
             )
             raise DataError(
                 f"{problem}: nothing tells which poses belong together; give the eo.json, which has"
@@ -140,11 +140,11 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
     rows = np.flatnonzero(inside)
     partner = interpolated(dense, samples, wanted[rows])
     left_dense = int(((samples < wanted[rows[0]]) | (samples > wanted[rows[-1]])).sum())
-    left = (sparse.n - rows.size, left_dense)
+    unmatched = (sparse.n - rows.size, left_dense)
     taken = sparse.taken(rows)
     if of_a:
-        return Matched(taken, partner, "time", *left, wanted[rows])
-    return Matched(partner, taken, "time", left[1], left[0], wanted[rows])
+        return Matched(taken, partner, "time", *unmatched, wanted[rows])
+    return Matched(partner, taken, "time", unmatched[1], unmatched[0], wanted[rows])
 
 
 def covered(samples: Array, wanted: Array) -> NDArray[np.bool_]:

@@ -28,7 +28,7 @@ from .result import Mismatch
 Rows = NDArray[np.int64]
 
 LEAST_SPREAD_M = 0.1  # spread below which positions do not distinguish images
-NAMES = "names"
+ORDER_OF_NAMES = "names"
 
 
 def by_order(matched: Matched) -> tuple[Mismatch, Matched] | None:
@@ -41,7 +41,7 @@ def by_order(matched: Matched) -> tuple[Mismatch, Matched] | None:
         return None
     candidates = [*_orders(a), *horizontal_and_time(a, b)]
     explanation = explain(matched, candidates, _spread, floor=WRITTEN_DIGITS["m"])
-    if explanation is None or explanation.best.name != NAMES:
+    if explanation is None or explanation.best.name != ORDER_OF_NAMES:
         return None
     return finding(explanation, "position", explanation.before, explanation.left), explanation.data
 
@@ -61,21 +61,21 @@ def _orders(a: Poses) -> Iterator[Candidate[Matched]]:
     for which, order in sorted_by.items():
         for k, of_b, of_a in orders(a.n):
             by = "one" if k is not None and abs(k) == 1 else f"{abs(k or 0)}"
-            words = (
+            text = (
                 "image names of b are in reversed order: the first name has the pose of the last"
                 f" image{which}"
                 if k is None
                 else f"image names of b are off by {by}: each name has the pose of the image {by}"
                 f" {'after' if k > 0 else 'before'} it{which}"
             )
-            yield _joined(words, order[of_a], order[of_b], {} if k is None else {"images": k})
+            yield _joined(text, order[of_a], order[of_b], {} if k is None else {"images": k})
 
 
-def _joined(words: str, of_a: Rows, of_b: Rows, values: dict[str, float]) -> Candidate[Matched]:
+def _joined(text: str, of_a: Rows, of_b: Rows, values: dict[str, float]) -> Candidate[Matched]:
     """Rows of a with the poses that b has in other rows."""
 
     def read(m: Matched) -> Matched:
-        one, other = m.taken(of_a), m.taken(of_b)
-        return replace(one, b=replace(other.b, images=one.a.images))
+        poses_a, poses_b = m.taken(of_a), m.taken(of_b)
+        return replace(poses_a, b=replace(poses_b.b, images=poses_a.a.images))
 
-    return Candidate(words, read, NAMES, same=lambda m: m.taken(of_b), values=values)
+    return Candidate(text, read, ORDER_OF_NAMES, same=lambda m: m.taken(of_b), values=values)

@@ -138,7 +138,7 @@ def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
         zip("ENU" if also_up else "EN", ("east", "north", "up"), by.tolist(), strict=False)
     )
     shifts = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
-    words = f"a constant shift of {shifts} m (another datum, realisation or base station)"
+    text = f"a constant shift of {shifts} m (another datum, realisation or base station)"
     values = {f"{name}_m": value for _, name, value in named}
 
     def off_ecef(_: Poses, q: Poses) -> Poses:
@@ -146,8 +146,8 @@ def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
         return q.moved(lat, lon, height + kept)
 
     size = float(np.linalg.norm(by)) / SHIFT_M
-    for off in (lambda x, y: without(x, y, np.tile(by, (x.n, 1))), off_ecef):
-        yield taken_off("shift", words, off, 2, values, size)
+    for shifted in (lambda x, y: without(x, y, np.tile(by, (x.n, 1))), off_ecef):
+        yield taken_off("shift", text, shifted, 2, values, size)
 
 
 def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
@@ -158,11 +158,11 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
     x = a.x if a.C_Ex is not None else b.x
     names = CAMERA_DIRECTIONS if x == "camera" else BODY_AXES
     components = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
-    words = (
+    text = (
         f"a lever arm of {components} m in the axes of the {x} (b is of another point than a:"
         " antenna, IMU or camera"
     )
-    words += "; its vertical part cannot be separated from a height shift)" if doubtful else ")"
+    text += "; its vertical part cannot be separated from a height shift)" if doubtful else ")"
 
     def change(p: Poses, q: Poses) -> Poses:
         turned = _axes_of(p, q)
@@ -170,7 +170,7 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
         return without(p, q, (turned @ lever) * [1.0, 1.0, 1.0 if whole else 0.0])
 
     values = {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)}
-    yield taken_off("lever arm", words, change, 3, values, float(np.linalg.norm(lever)) / LEVER_M)
+    yield taken_off("lever arm", text, change, 3, values, float(np.linalg.norm(lever)) / LEVER_M)
 
 
 def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
@@ -233,17 +233,15 @@ def _of_block(a: Poses, d: Array) -> Iterator[Candidate[Matched]]:
     shift = float(np.linalg.norm(mean))
     least, beside = max(LEAST_RMS_M, OF_SHIFT * shift) / np.sqrt(size / a.n), shift / SHIFT_M
     if abs(angle) >= max(SMALLEST, least):
-        words = (
-            f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
-        )
+        text = f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
         values = {"up_rad": angle}
-        yield taken_off("turn of the block", words, by(across, angle), 3, values, beside)
+        yield taken_off("turn of the block", text, by(across, angle), 3, values, beside)
     if abs(scale) >= max(SMALLEST, least):
-        words = (
+        text = (
             f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
         )
         values, beyond = {"scale": scale}, max(beside, abs(scale) / LARGEST_SCALE)
-        yield taken_off("scale", words, by(from_centre, scale), 3, values, beyond)
+        yield taken_off("scale", text, by(from_centre, scale), 3, values, beyond)
 
 
 def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
@@ -252,7 +250,7 @@ def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]
     if v is None or not (speed := float(np.sum(v[:, :2] ** 2))) > 0.0:
         return
     dt = float(np.sum(v[:, :2] * d) / speed)
-    words = (
+    text = (
         f"positions of b taken {1e3 * abs(dt):.1f} ms {'later' if dt > 0 else 'earlier'} along the"
         " way (trigger delay, clock)"
     )
@@ -262,7 +260,7 @@ def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]
         assert way is not None
         return without(p, q, dt * way)
 
-    yield taken_off("time along the way", words, change, 1, {"seconds": dt}, dt / WAY_S)
+    yield taken_off("time along the way", text, change, 1, {"seconds": dt}, dt / WAY_S)
 
 
 def velocity_of(a: Poses, b: Poses) -> Array | None:
@@ -281,9 +279,9 @@ def velocity_of(a: Poses, b: Poses) -> Array | None:
 def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     """Coordinates of b in another order, with other signs, in another unit."""
     if np.abs(b.lon).max() <= 0.5 * np.pi:
-        words = "b has latitude and longitude exchanged"
+        text = "b has latitude and longitude exchanged"
         yield taken_off(
-            "latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height)
+            "latitude for longitude", text, lambda _, q: q.moved(q.lon, q.lat, q.height)
         )
     for name, (statement, lat, lon) in DEGREE_MISTAKES.items():
         angle = np.abs([a.lat - lat * b.lat, a.lon - lon * b.lon]).max()
@@ -303,11 +301,11 @@ def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     ):
         if b.projection is None or _nearer(a, b, one.change(b.local)):
             yield taken_off(one.name, f"b has {one.words}", _read_anew(one.change))
-    for words, order in (("longitude and latitude", [0, 1]), ("latitude and longitude", [1, 0])):
+    for text, order in (("longitude and latitude", [0, 1]), ("latitude and longitude", [1, 0])):
         degrees = b.local[:, order]
         if b.projection is None and (np.abs(degrees).max(axis=0) <= [180.0, 90.0]).all():
-            words = f"b has {words} in degrees that were read as metres; name their CRS (--crs)"
-            yield taken_off("degrees for metres", words, _read_anew(_radians(order), GEOGRAPHIC))
+            text = f"b has {text} in degrees that were read as metres; name their CRS (--crs)"
+            yield taken_off("degrees for metres", text, _read_anew(_radians(order), GEOGRAPHIC))
 
 
 def _times(lat: float, lon: float) -> Callable[[Poses, Poses], Poses]:
@@ -336,8 +334,8 @@ def _nearer(a: Poses, b: Poses, local: Array) -> bool:
         x = b.projection.forward_horizontal(a.lat, a.lon, a.height)
     except InputError:  # the CRS does not reach a; then any order may
         return True
-    off, other = (float(np.median(np.abs(y[:, :2] - x))) for y in (b.local, local))
-    return other < off
+    distance, turned = (float(np.median(np.abs(y[:, :2] - x))) for y in (b.local, local))
+    return turned < distance
 
 
 def _read_anew(change: Change, kind: str | None = None) -> Callable[[Poses, Poses], Poses]:
@@ -349,8 +347,8 @@ def _read_anew(change: Change, kind: str | None = None) -> Callable[[Poses, Pose
     def read(_: Poses, q: Poses) -> Poses:
         assert q.local is not None
         local = change(q.local)
-        own = PROJECTED if q.projection is not None else TANGENT
-        frame = CoordinateFrame(kind or own, q.plane, q.projection)
+        own_frame = PROJECTED if q.projection is not None else TANGENT
+        frame = CoordinateFrame(kind or own_frame, q.plane, q.projection)
         lat, lon, h, C_fE = frame.resolved(local, q.source)
         moved = replace(q.moved(lat, lon, h), local=local)
         if q.C_fE is None:  # attitudes of true north
@@ -364,21 +362,21 @@ def _read_anew(change: Change, kind: str | None = None) -> Callable[[Poses, Pose
 def _vertical(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     d = b.height - a.height
     mean = float(d.mean())
-    name, words = _in_words(mean, d)
+    name, text = _in_words(mean, d)
     values, size = {"up_m": mean}, mean / HEIGHT_M
     yield taken_off(
-        name, words, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, values, size
+        name, text, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, values, size
     )
     metres = "heights of a are in feet where b has metres"
     if b.projection is not None and b.projection.units[1] != METRE:
         metres = "heights of b are in metres, not in the feet of its CRS"
-    for name, words, factor in (
+    for name, text, factor in (
         *((u, f"heights of b are in {u} where a has metres", f) for u, f in METRES_OF.items()),
         ("metres for feet", metres, 1.0 / FOOT_M),
         ("height reversed", "b counts heights downwards", -1.0),
     ):
         if float(np.median(np.abs(factor * b.height - a.height))) < GEOID_M[1]:
-            yield taken_off(name, words, _scaled(factor))
+            yield taken_off(name, text, _scaled(factor))
 
 
 def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
@@ -394,17 +392,17 @@ def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
 
 def _in_words(mean: float, d: Array) -> tuple[str, str]:
     """Name and statement of a constant difference in height."""
-    words = (
+    text = (
         f"heights of b lie {abs(mean):.3f} m {'above' if mean > 0 else 'below'} those of a,"
         " everywhere alike"
     )
     if not (GEOID_M[0] <= abs(mean) <= GEOID_M[1] and float(d.std()) < GEOID_SPREAD * abs(mean)):
-        return "height shift", words
-    sea, other = ("a", "b") if mean > 0 else ("b", "a")
+        return "height shift", text
+    sea, ellipsoidal = ("a", "b") if mean > 0 else ("b", "a")
     return (
         "geoid-sized height",
         (
-            f"{words}: the size of a geoid height ({sea} above sea level, {other} above the"
+            f"{text}: the size of a geoid height ({sea} above sea level, {ellipsoidal} above the"
             " ellipsoid?)"
         ),
     )

@@ -48,7 +48,7 @@ FORM_HEADERS = {  # of files that other programs take, in lower case
 }
 CAMERA_POSITIONS = "image,gps_week,tow,lat_deg"  # first columns of insgnss' own table
 # stands in for fixes without standard deviations, and is left out again
-UNKNOWN_M = 0.98765, 0.98765, 0.98765
+SIGMA_PLACEHOLDER_M = 0.98765, 0.98765, 0.98765
 
 
 def read_poses(
@@ -253,7 +253,7 @@ def _gnss(path: Path, hints: Hints) -> Poses:
     from ...io.formats import read_gnss
 
     fixes = read_gnss(
-        path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M, undulation_m=hints.undulation_m
+        path, gps_week=hints.gps_week, sigma_m=SIGMA_PLACEHOLDER_M, undulation_m=hints.undulation_m
     )
     notes = tuple(f"{check.name}: {check.found}" for check in fixes.notes)
     velocity = None

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.files import picked
+from ...records import Array
 from ...report.document import Document, Section, Table
 from ...report.notebook import Charted
 from ...report.verdict import Verdict, worst_of
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ...report.charts.chart import Chart
     from ...report.charts.drawn import Form
 
-Array = NDArray[np.float64]
 Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
 
 SCREEN_UNITS = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
@@ -80,7 +79,7 @@ class Mismatch:
             f"{self.statement}: explains {percent(self.explained)} of the {of} (rms {before} ->"
             f" {after})"
         )
-        return text + "".join(f"; or {other}" for other in self.alternatives)
+        return text + "".join(f"; or {alternative}" for alternative in self.alternatives)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""
@@ -320,8 +319,8 @@ class Comparison(Charted):
         """
         from ...report.charts.drawn import draw_sheet
 
-        first, *left, distribution = self.charts()
-        columns = [[first], left] if left else [[first, distribution]]
+        first, *middle, distribution = self.charts()
+        columns = [[first], middle] if middle else [[first, distribution]]
         title = f"{self.n} poses, b minus a" + "".join(f"; {f.name}" for f in self.findings)
         return draw_sheet(columns, title, f"a: {self.a}    b: {self.b}", form)
 

@@ -21,7 +21,8 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.received.nesting import read_object
-from ...geodesy.crs import crs_of, geodetic_from_geographic
+from ...geodesy.crs import crs_of
+from ...geodesy.datums import geodetic_from_geographic
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.poses import ReturnedPoses
@@ -72,13 +73,13 @@ def read_adjusted_poses(form: str, path: Path, hints: Hints) -> Poses:
     InputError
         With file and line; where nothing tells the frame of large coordinates.
     """
-    given = read_returned_poses(path, form)
-    framed = framed_coordinates(given, hints, path)
+    returned = read_returned_poses(path, form)
+    framed = framed_coordinates(returned, hints, path)
     frame = framed.frame or tangent_frame(path, framed.x, None)
-    return placed_poses(given, framed._replace(frame=frame), path, form)
+    return placed_poses(returned, framed._replace(frame=frame), path, form)
 
 
-def placed_poses(given: ReturnedPoses, framed: Framed, path: Path, form: str) -> Poses:
+def placed_poses(returned: ReturnedPoses, framed: Framed, path: Path, form: str) -> Poses:
     """Poses of a frame on the Earth.
 
     Raises
@@ -93,23 +94,23 @@ def placed_poses(given: ReturnedPoses, framed: Framed, path: Path, form: str) ->
         path,
         form,
         framed.x,
-        given.C,
-        given.true_north and framed.frame.kind in (PROJECTED, GEOGRAPHIC),
-        given.cov_position,
-        given.cov_attitude,
-        images=given.images,
-        angle_set=given.angle_set,
-        angles=given.angles,
-        notes=(*given.notes, framed.note) if framed.note else given.notes,
+        returned.C,
+        returned.true_north and framed.frame.kind in (PROJECTED, GEOGRAPHIC),
+        returned.cov_position,
+        returned.cov_attitude,
+        images=returned.images,
+        angle_set=returned.angle_set,
+        angles=returned.angles,
+        notes=(*returned.notes, framed.note) if framed.note else returned.notes,
     )
 
 
-def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed:
+def framed_coordinates(returned: ReturnedPoses, hints: Hints, path: Path) -> Framed:
     """Return the coordinates of a file in the frame that it or the caller names, or that they tell.
 
     Parameters
     ----------
-    given : ReturnedPoses
+    returned : ReturnedPoses
         The file.
     hints : Hints
         What the caller names.
@@ -121,20 +122,20 @@ def framed_coordinates(given: ReturnedPoses, hints: Hints, path: Path) -> Framed
     InputError
         Large coordinates whose frame nobody names, or no longitude and latitude.
     """
-    kind, crs, x = given.kind, given.crs, given.position
+    kind, crs, x = returned.kind, returned.crs, returned.position
     if kind in ("", PROJECTED):
         x = x if hints.shift is None else x + hints.shift
         if hints.crs is not None:
-            named, words = kind_of_crs(crs_of(hints.crs))
-            kind, crs = named, hints.crs if named == PROJECTED else words
-    if kind == TANGENT and given.origin:
-        return Framed(CoordinateFrame(TANGENT, TangentPlane(*given.origin)), x)
+            named, frame_name = kind_of_crs(crs_of(hints.crs))
+            kind, crs = named, hints.crs if named == PROJECTED else frame_name
+    if kind == TANGENT and returned.origin:
+        return Framed(CoordinateFrame(TANGENT, TangentPlane(*returned.origin)), x)
     if kind == PROJECTED:
         projection = hints.projected(crs)
         return Framed(CoordinateFrame(PROJECTED, projection=projection), x * projection.unit_m)
     if kind == GEOGRAPHIC:
         degrees = (
-            x if given.kind != GEOGRAPHIC else np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
+            x if returned.kind != GEOGRAPHIC else np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
         )
         return Framed(CoordinateFrame(GEOGRAPHIC), _geographic(degrees, crs, hints, path))
     if kind:

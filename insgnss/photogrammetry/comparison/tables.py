@@ -72,7 +72,7 @@ def _layout(columns: str, *more: str) -> PoseColumns:
     )
 
 
-INTERIOR = "f px py k1 k2 k3 k4 t1 t2"  # of an image, by RealityCapture
+INTERIORS = "f px py k1 k2 k3 k4 t1 t2"  # of an image, by RealityCapture
 _ACCURACIES = "sx sy sz s1 s2 s3"
 LAYOUTS = {
     "metashape": _layout("image x y z yaw pitch roll", _ACCURACIES),
@@ -82,7 +82,7 @@ LAYOUTS = {
         _layout("image x y z omega phi kappa"),
         alone=(("image", "x", "y", "z"), ("image", "x", "y", "z", "horizontal", "vertical")),
     ),
-    "realitycapture": _layout("image x y z yaw pitch roll", _ACCURACIES, INTERIOR),
+    "realitycapture": _layout("image x y z yaw pitch roll", _ACCURACIES, INTERIORS),
     "micmac": _layout("image x y z omega phi kappa", "sx sy sz"),
     "inpho_ascii": _layout("image x y z omega phi kappa", "time"),
     "tum": _layout("time x y z qx qy qz qw"),
@@ -149,7 +149,7 @@ def _columns(form: str, table: TextTable, layout: PoseColumns) -> dict[str, int]
     names = next((columns for columns in whole if len(columns) == n), None)
     head = [field.lower() for field in table.layout.header_fields or ()]
     further = head[len(layout.columns) :]
-    if form == "realitycapture" and set(further) <= set(INTERIOR.split()) and len(head) == n:
+    if form == "realitycapture" and set(further) <= set(INTERIORS.split()) and len(head) == n:
         names = names or (*layout.columns, *further)  # what its user has chosen
     if names is None:
         more = "".join(f", or also {' '.join(further)}" for further in layout.more)

@@ -19,7 +19,7 @@ FEWEST_COURSES = 8  # images on straight legs, for a mean direction (chosen)
 # of their angles is asked for, and below which one is named: wind turns aircraft by less
 ASKEW_DEG, ALONG_DEG = 8.0, 5.0
 QUARTER_DEG = 90.0  # turn by multiples of which cameras are mounted
-ANGLE_UNITS = ("degrees", "radians", "gon")
+BEARING_UNITS = ("degrees", "radians", "gon")
 SIGNIFICANT_CORRELATION = 3.0  # of a correlation, over 1 / sqrt(n)
 MOST_CORRELATION = 0.98  # of neighbours: 1 would leave one observation of all (chosen)
 
@@ -192,7 +192,7 @@ def misread_angles(
 
     if (misread := askew(C_mc)) < ASKEW_DEG:
         return ()
-    readings = of_attitudes(opk, ANGLE_UNITS)
+    readings = of_attitudes(opk, BEARING_UNITS)
     candidates = suspected(source, readings, lambda C, change: R @ change(R.T @ C))
     explanation = explain(C_mc, candidates, askew, ALONG_DEG)
     if explanation is None:

@@ -342,8 +342,8 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
             for conditioned in combinations(free, n)
         ]
         alone = min(item for item in conditions if len(item[1]) == 1)
-        left, partners = alone if alone[0] < HELPS * first else min(conditions)
-        if left < HELPS * first:
+        sigma, partners = alone if alone[0] < HELPS * first else min(conditions)
+        if sigma < HELPS * first:
             break
     else:
         if names[k][0] == "imu_m":
@@ -353,7 +353,7 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
             )
         return "the poses are not precise enough"
     reason = f"cannot be separated from {' and '.join(names[j][2] for j in partners)}"
-    reason += f" (were {'they' if len(partners) > 1 else 'it'} known, {shown(names[k][0], left)}"
+    reason += f" (were {'they' if len(partners) > 1 else 'it'} known, {shown(names[k][0], sigma)}"
     reason += f" instead of {shown(names[k][0], first).partition(' ')[0]})"
     groups = {names[k][0], *(names[j][0] for j in partners)}
     vertical = any(w in names[i][2] for i in (k, *partners) for w in ("up", "down"))

@@ -269,14 +269,14 @@ def files_of(path: Path) -> list[Path]:
     return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
 
 
-def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
+def compared(result: CalibratedMounting, calibration_file: Path) -> CalibratedMounting:
     """Return a result with its difference to another lever arm.
 
     Parameters
     ----------
     result : CalibratedMounting
         What was found.
-    other : Path
+    calibration_file : Path
         A mounting.toml.
 
     Returns
@@ -289,21 +289,21 @@ def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
     InputError
         The file is wrong, or has no lever arm with standard errors.
     """
-    file, _ = read_mounting_file(other)
+    file, _ = read_mounting_file(calibration_file)
     if file.antenna_m is None or file.antenna_cov is None:
         problem = "has no antenna_m with standard errors in [calibration.sigma] to compare with"
-        raise InputError.in_file(other, problem)
+        raise InputError.in_file(calibration_file, problem)
     mounting = result.mounting
     if mounting.antenna_m is None or mounting.antenna_cov is None:
         return result
     difference = lever_arm_difference(
         file.antenna_m, file.antenna_cov, mounting.antenna_m, mounting.antenna_cov
     )
-    line = f"against {other.name} ({file.verb or 'by hand'}): {difference.summary()}"
+    line = f"against {calibration_file.name} ({file.verb or 'by hand'}): {difference.summary()}"
     document = result.document | {
         "difference_m": difference.difference_m,
         "difference_agrees": difference.agrees,
-        "inputs": (*result.document.get("inputs", ()), other),
+        "inputs": (*result.document.get("inputs", ()), calibration_file),
     }
     judged = replace(mounting, verdict=(*mounting.verdict, line))
     return replace(result, mounting=judged, details=(line, *result.details), document=document)

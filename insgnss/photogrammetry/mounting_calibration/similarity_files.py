@@ -234,15 +234,15 @@ def _other_readings(
         viewing = (result.frame.rotation @ data[0].C_rc)[:, 2, 2].mean()
         return float(np.sqrt((result.residual_m**2).mean())) if viewing < DOWNWARDS else np.inf
 
-    Both = tuple[PosedAntennas, PairedPoints]
+    Paired = tuple[PosedAntennas, PairedPoints]
 
-    def of_antenna(data: Both, change: Change) -> Both:
+    def of_antenna(data: Paired, change: Change) -> Paired:
         return data[0].changed(change, "antenna_m"), data[1]
 
-    def of_survey(data: Both, change: Change) -> Both:
+    def of_survey(data: Paired, change: Change) -> Paired:
         return of_antenna(data, change)[0], replace(data[1], surveyed_m=change(data[1].surveyed_m))
 
-    def of_cameras(data: Both, change: Change) -> Both:
+    def of_cameras(data: Paired, change: Change) -> Paired:
         return data[0].changed(change, "C_rc"), data[1]
 
     candidates = [  # without units: the scale is estimated

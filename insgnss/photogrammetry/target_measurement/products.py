@@ -46,7 +46,7 @@ MEASUREMENT_COLUMNS = (
     *("image", "point", "x", "y", "sigma_x", "sigma_y", "correlation"),
     *("semi_major", "semi_minor", "direction", "visibility"),
 )
-GEOGRAPHIC = "EPSG:4979"
+GEOGRAPHIC_CRS = "EPSG:4979"
 
 
 def write_predictions(inputs: TargetInputs, path: Path) -> None:
@@ -215,7 +215,7 @@ def _in_crs(inputs: TargetInputs, plane: TangentPlane) -> tuple[GroundTable, str
     crs = inputs.crs
     if crs is not None and re.fullmatch(r"EPSG:\d+", crs) and inputs.request.geoid is None:
         return inputs.given.metric(GroundAxes(crs)), crs
-    datum = inputs.eo.datum or GEOGRAPHIC
+    datum = inputs.eo.datum or GEOGRAPHIC_CRS
     lat, lon, h = plane.geodetic_from_position(inputs.ground.position_m)
     position = np.column_stack([np.degrees(lon), np.degrees(lat), h])
     axes = plane.C_mn(lat, lon) @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -48,11 +48,11 @@ ROTATION_TOLERANCE = 1e-4
 printed.
 """
 
-ANTENNA_SIGMA_M = 0.005  # of a component of a lever arm that a caliper measured
+ANTENNA_SIGMA_M = 0.005  # component of a lever arm (m): what a caliper measures
 # the same downwards, where nobody states it: a caliper reaches the antenna's reference point, 30 to
 # 60 mm above which drones' antennas have their phase centre
 UNSTATED_PHASE_CENTRE_SIGMA_M = 0.02
-MAX_LEVER_M = 100.0  # longer ones are in another unit
+MAX_LEVER_M = 100.0  # lever arm (m): longer ones are in another unit
 LONGEST_DELAY_S = 10.0  # of a camera (s): a longer one is in another unit
 
 PAPER_CAMERA_FROM_BODY = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))

@@ -39,7 +39,7 @@ CHART_MARKS: Mapping[Mark, str] = {
     "triangle": "^",
 }
 MARK_PX = 4.4  # pixels that a mark has where its layer says nothing
-WIDER: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
+MARK_WIDTHS: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
 POINTS_OF_PIXEL = 0.72  # of a pixel: a sheet of 1000 pixels is 10 inches of 72 points
 PALE = 0.4  # opacity of what is faint
 NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
@@ -48,7 +48,7 @@ GROUND_ALPHA = 0.6  # opacity of the ground below a map, so that lines and dots 
 IN_FRONT = 2.0  # of grid and shades; of what is alike in this, the later is drawn over the earlier
 MOST_TEXTS = 80  # of a layer of labels; of more only every so many
 # colours end at so many times what that share of the values reach
-USUAL_SHARE, COLOURS_END = 0.95, 2.0
+COLOUR_QUANTILE, COLOURS_END = 0.95, 2.0
 
 
 def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
@@ -97,7 +97,7 @@ def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 
 def _points(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> Any:
-    size = px * (layer.width or MARK_PX) * WIDER.get(layer.mark, 1.0)
+    size = px * (layer.width or MARK_PX) * MARK_WIDTHS.get(layer.mark, 1.0)
     shape = CHART_MARKS[layer.mark]
     many = layer.x.size > RASTERISED_FROM
     if layer.value is not None:
@@ -222,7 +222,7 @@ def value_range(value: Array) -> tuple[float, float]:
     if not finite.size:
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
-    high = min(high, COLOURS_END * float(np.quantile(finite, USUAL_SHARE)))
+    high = min(high, COLOURS_END * float(np.quantile(finite, COLOUR_QUANTILE)))
     return low, high if high > low else low + max(0.2 * abs(low), 1e-9)
 
 

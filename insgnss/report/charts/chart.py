@@ -11,10 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from ...records import Array
 
-Array = NDArray[np.float64]
 Ink = Literal["first", "second", "third", "fourth", "fifth", "ink", "faint", "warn", "ok"]
 Kind = Literal["line", "points", "band", "steps", "arrows", "rules", "labels"]
 Mark = Literal["dot", "cross", "ring", "square", "triangle"]

@@ -265,11 +265,11 @@ class _SheetBlock:
         rows += 0 if self._along(label) else 1 if wide or not rows else 0
         return 0.08 + rows * 1.3 * self.letters / 72.0
 
-    def draw(self, figure: Any, left: float, top: float) -> None:
+    def draw(self, figure: Any, left_px: float, top: float) -> None:
         """Draw the chart with its upper left corner there."""
         width, height = figure.get_size_inches()
         if self.title:
-            corner = (left + 0.15) / width, (top - 0.06) / height
+            corner = (left_px + 0.15) / width, (top - 0.06) / height
             text = figure.text(*corner, "\n".join(self.title), size=self.letters, weight="bold")
             text.set_va("top")
             text.set_parse_math(False)
@@ -281,7 +281,7 @@ class _SheetBlock:
             if column == 0:
                 base = y - self.rows[row] + self.below
                 y -= self.rows[row]
-            x = left + column * self.width / self.columns + self.left
+            x = left_px + column * self.width / self.columns + self.left
             box = (x / width, base / height, self.panel_width / width, self.panel_height / height)
             shared: Any = first if self.chart.columns == 1 else None
             ax = figure.add_axes(box, sharex=shared)
@@ -291,7 +291,7 @@ class _SheetBlock:
         last = drawn if self.chart.columns > 1 else drawn[-1:]
         for ax in drawn:
             ax.tick_params(labelbottom=ax in last)
-        across = left + 0.5 * (self.left + self.width - self.right)
+        across = left_px + 0.5 * (self.left + self.width - self.right)
         foot = y + self.below - 1.9 * self.letters / 72.0  # below the numbers of the last row
         text = figure.text(across / width, foot / height, "\n".join(self.label), ha="center")
         text.set(size=self.letters, va="top", parse_math=False)
@@ -432,9 +432,9 @@ def _legends(chart: Chart) -> list[Keys]:
     keys: list[Keys] = []
     before: Keys = []
     for k, panel in enumerate(chart.panels):
-        own: Keys = list({key[0]: key for key in reversed(named(panel))}.values())[::-1]
-        keys.append([*(shades if k == 0 else []), *(own if own != before else [])])
-        before = own
+        shown: Keys = list({key[0]: key for key in reversed(named(panel))}.values())[::-1]
+        keys.append([*(shades if k == 0 else []), *(shown if shown != before else [])])
+        before = shown
     return keys
 
 
@@ -453,11 +453,11 @@ def _legend(ax: Any, keys: Keys, width: float, letters: float) -> None:
     from matplotlib.patches import Patch
 
     columns, _ = _legend_size(keys, width, letters)
-    own: Mapping[str, Any] = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    labelled: Mapping[str, Any] = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
     handles = [
         Patch(facecolor=ink, lw=0)
         if kind == "shade"
-        else own.get(name, Patch(color=CHART_INKS["faint"]))
+        else labelled.get(name, Patch(color=CHART_INKS["faint"]))
         for name, ink, kind in keys
     ]
     legend = ax.legend(

@@ -34,7 +34,7 @@ FINE_STEP, FINE_SHARE = 1e-3, 5e-3  # of the span of half of the values; of the 
 # bytes of the JPEG below a map: more than the rest of the page would make it slow to send by mail
 LARGEST_JPEG_BYTES = 500_000
 # of the JPEG, the first that is small enough: 1600 x 840 pixels of noise have 340 kB at the last
-QUALITIES = (80, 60, 40, 20)
+JPEG_QUALITIES = (80, 60, 40, 20)
 _ARRAYS = ("x", "y", "x2", "y2", "value")
 _UNSAFE_IN_SCRIPT = {ord(c): f"\\u{ord(c):04x}" for c in "<>&'\u2028\u2029"}
 
@@ -147,7 +147,7 @@ def background_of(pixels: Any, edges: tuple[float, float, float, float], name: s
     from PIL import Image
 
     picture, stream = Image.fromarray(pixels), io.BytesIO()
-    for quality in QUALITIES:
+    for quality in JPEG_QUALITIES:
         stream = io.BytesIO()
         picture.save(stream, "JPEG", quality=quality)
         if stream.tell() <= LARGEST_JPEG_BYTES:

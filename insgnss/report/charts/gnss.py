@@ -104,7 +104,7 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
     if "time" not in series or not len(series["time"]):
         return
     start = float(series["time"][0])
-    label, limits = f"minutes since {start:.1f} s of the week", None
+    label, limits = f"time after the start at TOW {start:.1f} s, min", None
     shades: list[Shade] = []
 
     def minutes(t: Any) -> Array:

@@ -8,11 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...records import Array
 from ..charts.chart import Chart, Ink, Layer, Panel
-
-Array = NDArray[np.float64]
 
 BREAK_STEPS = 10.0  # a step of time so many times the usual one breaks the line
 MOST_OWN_DOTS = 400  # values up to which each has its dot; more are a line (chosen)
@@ -68,8 +66,8 @@ def comparison_charts(
     charts = [_over_time("differences", [(p.name, p.difference) for p in panels], times[0], names)]
     remaining = [(p.name, p.remaining) for p in panels if p.remaining is not None]
     if remaining:
-        own = names if remaining[0][1].values.size == len(names) else ()
-        charts.append(_over_time("remaining", remaining, times[1], own))
+        labels = names if remaining[0][1].values.size == len(names) else ()
+        charts.append(_over_time("remaining", remaining, times[1], labels))
     return (*charts, _distribution(panels))
 
 
@@ -93,7 +91,7 @@ def _over_time(
             )
             for component, curve in curves
         ],
-        "image, in the order of file a" if time is None else "minutes since the first common pose",
+        "image, in the order of file a" if time is None else "time after the first pose, min",
         link="image" if time is None else "time",
     )
 

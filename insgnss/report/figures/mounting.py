@@ -165,13 +165,13 @@ def residuals(data: Residuals) -> tuple[Chart, ...]:
     )
 
     def panels(x: Array, rows: NDArray[np.bool_], joined: bool) -> list[Panel]:
-        made = []
+        drawn = []
         for k, name in enumerate(("east", "north", "up")):
             y, ink = values[rows, k], AXES_INKS[k]
             lines = [Layer("line", x, y, ink=ink, width=1.0, faint=True)] if joined else []
             dots = Layer("points", x, y, ink=ink, texts=_numbered(rows), width=5.0)
-            made.append(Panel(f"{name}, {unit}", [ZERO, *lines, dots]))
-        return made
+            drawn.append(Panel(f"{name}, {unit}", [ZERO, *lines, dots]))
+        return drawn
 
     every = np.ones(number.size, dtype=np.bool_)
     over = panels(number, every, True)

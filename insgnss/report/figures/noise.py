@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.units import parse_unit
-from ...records import WaveletVariance
+from ...records import Array, WaveletVariance
 from ..charts.chart import Chart, Ink, Layer, Panel
 
-Array = NDArray[np.float64]
 Sensor = Literal["gyro", "accel"]
 
 AXIS_UNITS = {"gyro": "deg/h", "accel": "ug"}
@@ -216,7 +215,7 @@ def _noise_layers(panel: NoisePanel, factor: float) -> Iterator[Layer]:
 
 
 def _curve(
-    panel: NoisePanel, curve: WaveletVariance, factor: float, label: str, words: str
+    panel: NoisePanel, curve: WaveletVariance, factor: float, label: str, model_name: str
 ) -> Iterator[Layer]:
     """One recording: dots with their intervals.
 
@@ -237,12 +236,12 @@ def _curve(
         for y, a, b in zip(deviation, low, high, strict=True)
     ]
     inks: tuple[tuple[NDArray[np.bool_], Ink, str], ...] = (
-        (used, "first", words and f"{words}, 95 %"),
-        (~used, "faint", words and "left out of the fit"),
+        (used, "first", model_name and f"{model_name}, 95 %"),
+        (~used, "faint", model_name and "left out of the fit"),
     )
     for mask, ink, name in inks:
         if mask.any():
-            own = [text for text, shown in zip(texts, mask, strict=True) if shown]
+            kept = [text for text, shown in zip(texts, mask, strict=True) if shown]
             size = 4.0 if several else 6.0
             yield Layer(
                 "points",
@@ -250,7 +249,7 @@ def _curve(
                 deviation[mask],
                 name,
                 ink,
-                texts=own,
+                texts=kept,
                 width=size,
                 faint=several,
             )
@@ -258,10 +257,10 @@ def _curve(
         model = factor * np.exp(
             np.interp(np.log(tau), np.log(panel.tau_s), np.log(_deviation(panel.modelled)))
         )
-        off = used & ((model < low) | (model > high)) & (np.abs(model / deviation - 1.0) > MISFIT)
-        if off.any():
+        bad = used & ((model < low) | (model > high)) & (np.abs(model / deviation - 1.0) > MISFIT)
+        if bad.any():
             name = f"fit off by more than {100 * MISFIT:g} %"
-            yield Layer("points", tau[off], deviation[off], name, "warn", mark="ring", width=8.0)
+            yield Layer("points", tau[bad], deviation[bad], name, "warn", mark="ring", width=8.0)
 
 
 def _spectrum(panel: SpectrumPanel, unit: str) -> Panel:

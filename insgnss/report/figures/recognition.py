@@ -10,10 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...records import Finding
+from ...records import Array, Finding
 from ..charts.chart import AXES_INKS, Chart, Layer, Panel
-
-Array = NDArray[np.float64]
 
 # what is shown of the motion: more could not be distinguished
 MOST_ROWS_DRAWN, SHORTEST_SHOWN_S, LONGEST_SHOWN_S = 130, 20.0, 150.0

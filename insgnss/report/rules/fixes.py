@@ -29,7 +29,7 @@ SEPARATION_WIDE = 0.5  # the same of all axes together, where what chance allows
 # an error that lasts longer is one of the absolute position; share of the fixes
 STAYS_S, FEW_MATTER = 300.0, 0.02
 # ranks: a contradiction that was overruled, and a result that nothing supports
-OVERRULED, UNSUPPORTED = 50.0, 1000.0
+OVERRULED, RANK_UNSUPPORTED = 50.0, 1000.0
 
 
 def judged(consistency: Figures) -> str:
@@ -56,7 +56,7 @@ def residuals(f: Figures) -> Iterator[Finding]:
         f" beyond it {beyond} of {pieces} pieces)"
     )
     help_ = "find the cause before positions or sigmas there are used"
-    yield ranked("residuals", UNSUPPORTED + worst["sigmas"], text, help_)
+    yield ranked("residuals", RANK_UNSUPPORTED + worst["sigmas"], text, help_)
 
 
 def apart(f: Figures) -> Iterator[tuple[float, str, str, float]]:
@@ -83,7 +83,7 @@ def rejected(f: Figures) -> Iterator[Finding]:
                 f"all {n} {total} were rejected, because they contradict the inertial data: nothing"
                 " supports the images"
             )
-            yield ranked("rejected", UNSUPPORTED, text, "check clock, axes and lever arm")
+            yield ranked("rejected", RANK_UNSUPPORTED, text, "check clock, axes and lever arm")
         elif n and out > REJECTED_MATTERS * n:
             some.append(f"{out} of {n} {total} ({100 * out / n:.1f} %)")
             most = max(most, out / n)
@@ -159,7 +159,7 @@ def nis(f: Figures) -> Iterator[Finding]:
             )
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)
-            rank = UNSUPPORTED if c["size"] < OTHER_UNIT else rank
+            rank = RANK_UNSUPPORTED if c["size"] < OTHER_UNIT else rank
             yield ranked("innovations", rank, *_why_conservative(f, quantity, text))
 
 

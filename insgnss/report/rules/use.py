@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.wording import some
+from ...records import Array
 from ...records.cameras.mounting import UNSTATED_PHASE_CENTRE_SIGMA_M
 from . import accuracy, fixes, places
 from .wording import Figures, at_time, degrees, millimetres, no_fix, span
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 USE, EXCEPT, NO = "use", "except", "no"

@@ -37,13 +37,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...base.units import STANDARD_GRAVITY as GRAVITY
 from ...io.options.kinds import check
 from ...io.options.schema import option
-
-Array = NDArray[np.float64]
+from ...records import Array
 
 MEAN_EARTH_RADIUS_M = 6.371e6  # mean radius of the Earth, R of (A.2) and (A.3)
 LAPSE, TROPOPAUSE_M = 6.5e-3, 1.1e4  # K/m up to this height: the standard atmosphere

@@ -22,7 +22,6 @@ to 0.5 ms and some 1e-12 of rate; frequency numbers are those in use.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.errors import UsageError
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
@@ -58,8 +57,7 @@ from ...gnss.rinex.navigation_message import (
 )
 from ...gnss.rinex.systems import CONSTANTS
 from ...gnss.satellites.constants import PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
-
-Array = NDArray[np.float64]
+from ...records import Array
 
 GPS_SPACING_S, GLONASS_SPACING_S = 7200.0, 1800.0  # of messages: every two hours, half an hour
 GPS_PER_PLANE = (5, 5, 5, 5, 5, 6)  # satellites in each plane, 31 in all

@@ -15,14 +15,12 @@ from ...base.errors import UsageError
 from ...geodesy.frames import LocalFrame
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ...noise.processes.realisation import simulate_noise
-from ...records import GnssFixes
+from ...records import Array, GnssFixes
 from ...records.qualities import Quality
 from ..faults import in_period
 from ..flights import FlightMotion
 from ..motion import ExactMotion
 from ..sensors import Rig, antenna_states
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

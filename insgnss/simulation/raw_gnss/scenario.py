@@ -32,7 +32,7 @@ from ...base.advance import share
 from ...base.errors import UsageError
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...gnss.rinex.navigation_message import Navigation
-from ...records import CameraEvents
+from ...records import Array, CameraEvents
 from ..flights import FlightMotion
 from ..sensors import Rig, antenna_states
 from .atmosphere import SimulatedIonosphere, Troposphere, Weather
@@ -41,7 +41,6 @@ from .errors import Locks, clock, noise, track
 from .options import RawGnssOptions
 from .paths import LIGHT, Paths, ReceiverAntenna, Satellites, satellites_in_view, signal_paths
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SIGNALS = ("C1", "P2", "L1", "L2", "D1", "D2", "S1", "S2")

@@ -6,6 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from air_motions import multirotor
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
@@ -18,7 +19,6 @@ from insgnss.flight.inspection.tables.roles import gnss_roles
 from insgnss.flight.inspection.tables.tabular import sources_of_table
 from insgnss.io.formats import read_gnss, read_imu
 from insgnss.io.formats.gnss.rounding import floor_of_zeros, is_held
-from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.scenario import observe
 from insgnss.simulation.sensors import ImuOptions
 

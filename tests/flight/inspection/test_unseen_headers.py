@@ -5,10 +5,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from insgnss.base.errors import InputError
+from insgnss.flight.inspection.discovery import discover
 from insgnss.flight.inspection.tables.grids import tables_of_file
 from insgnss.flight.inspection.tables.tabular import sources_of_table
+from insgnss.io.formats.text.text import read_table
 
 ROWS = 400
+DOWN = (
+    "az",
+    "accel_z",
+    "z(g)",
+    "vel[2]",
+    "accz",
+    "acz",
+    "smooth[2]",
+    "z [m/s²]",
+    "fz_g",
+    "accel_zout",
+)
 STEP_S = 0.02
 HEADERS = {
     "balloon": (
@@ -39,6 +54,34 @@ HEADERS = {
         "TimeUS,I,Status,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw",
         {"gnss": ("TimeUS", "us", "Lat", None)},
     ),
+    "Arduino": (
+        "ms,AcX,AcY,AcZ,GyX,GyY,GyZ,Tmp",
+        {"imu": ("ms", "ms", "GyX", "AcZ")},
+    ),
+    "blackbox": (
+        "loopIteration,time (us),gyroADC[0] (deg/s),gyroADC[1] (deg/s),gyroADC[2] (deg/s),"
+        "accSmooth[0],accSmooth[1],accSmooth[2],motor[0],motor[1],motor[2],motor[3]",
+        {"imu": ("time (us)", "us", "gyroADC[0] (deg/s)", "accSmooth[2]")},
+    ),
+    "German": (
+        "Zeit [s],Drehrate X [°/s],Drehrate Y [°/s],Drehrate Z [°/s],Beschleunigung X [m/s²],"
+        "Beschleunigung Y [m/s²],Beschleunigung Z [m/s²]",
+        {"imu": ("Zeit [s]", None, "Drehrate X [°/s]", "Beschleunigung Z [m/s²]")},
+    ),
+    "VectorNav": (
+        "TimeStartup,TimeGps,TimeGpsTow,GpsWeek,UncompAccX,UncompAccY,UncompAccZ,UncompGyroX,"
+        "UncompGyroY,UncompGyroZ,Temp,Pressure",
+        {"imu": ("TimeGpsTow", "ns", "UncompGyroX", "UncompAccZ")},
+    ),
+    "letters with units": (
+        "time,p_degs,q_degs,r_degs,fx_g,fy_g,fz_g",
+        {"imu": ("time", None, "p_degs", "fz_g")},
+    ),
+    "registers": (
+        "time,ACCEL_XOUT,ACCEL_YOUT,ACCEL_ZOUT,GYRO_XOUT,GYRO_YOUT,GYRO_ZOUT,MAG_XOUT",
+        {"imu": ("time", None, "GYRO_XOUT", "ACCEL_ZOUT")},
+    ),
+    "attitude and outputs": ("time,roll_cmd,pitch_cmd,yaw_cmd,out1,out2,out3", {}),
     "phone": (
         "accelerometerTimestamp_sinceReboot(s),accelerometerAccelerationX(G),"
         "accelerometerAccelerationY(G),accelerometerAccelerationZ(G),gyroRotationX(rad/s),"
@@ -63,7 +106,13 @@ def column(name: str, rng: np.random.Generator) -> np.ndarray:
     clocks = {"millis": 20, "timestamp_us": 20000, "itow": 200, "timeus": 200000}
     if low in clocks:
         return 1000 + clocks[low] * k
-    if low in ("time", "timeofweek") or low.endswith("reboot(s)"):
+    if (low.startswith("time") and "gps" in low) or low == "timestartup":
+        return 1e9 * ((1.2e9 if low == "timegps" else 2e5) + STEP_S * k)
+    if low == "gpsweek":
+        return np.full(ROWS, 2008)
+    if low in ("ms", "time (us)"):
+        return np.round((1e3 if low == "ms" else 1e6) * (37.0 + STEP_S * k))
+    if low in ("time", "zeit [s]", "timeofweek") or low.endswith("reboot(s)"):
         return 100.0 + STEP_S * k
     if low == "sec":
         return np.floor(0.2 * k) % 60
@@ -76,7 +125,7 @@ def column(name: str, rng: np.random.Generator) -> np.ndarray:
         return 6.5 + 1e-6 * held
     if "alt" in low or low in ("height", "lla[2]"):
         return 500.0 + 0.01 * held
-    return rng.normal(9.8 if low.endswith(("az", "accel_z", "z(g)", "vel[2]")) else 0.0, 0.1, ROWS)
+    return rng.normal(9.8 if low.endswith(DOWN) else 0.0, 0.1, ROWS)
 
 
 @pytest.mark.parametrize("logger", HEADERS)
@@ -97,3 +146,33 @@ def test_columns_and_clock_of_a_header(tmp_path: Path, logger: str) -> None:
         assert keys.get("units", {}).get("time") == unit
         assert columns["gx" if role == "imu" else "lat"] == first
         assert last is None or columns["az"] == last
+
+
+def test_lines_before_a_header_and_units_under_it(tmp_path: Path) -> None:
+    """Oracle: the same table without them; a torn first row is still refused."""
+    rows = "".join(f"{0.01 * k:.2f},{k},0.5\n" for k in range(1, 30))
+    plain, told, torn = (tmp_path / name for name in ("plain.csv", "told.csv", "torn.csv"))
+    plain.write_text("time [s],gx [deg/s],h [m]\n" + rows)
+    told.write_text("StartTime: 2018-05-01\nRate: 100 Hz\ntime,gx,h\ns,deg/s,m\n" + rows)
+    torn.write_text("time,gx,h\n0.0,1\n" + rows)
+    expected, table = read_table(plain), read_table(told)
+    np.testing.assert_array_equal(table.values, expected.values)
+    assert table.layout.header_fields == expected.layout.header_fields
+    assert table.layout.first_line == 5
+    with pytest.raises(InputError, match=r"torn\.csv:2: 2 fields"):
+        read_table(torn)
+
+
+def test_camera_messages_beside_fixes_are_exposures(tmp_path: Path) -> None:
+    """Oracle: an autopilot's tables: CAM has a row an image, GPS a row a fix."""
+    k = np.arange(ROWS)
+    lat_lon_h = np.column_stack([46.5 + 1e-5 * k, 6.5 + 1e-5 * k, 500.0 + 0.1 * np.sin(k)])
+    fixes = np.column_stack([205200.0 + 0.2 * k, lat_lon_h])
+    images = np.column_stack([k + 1, 205200.0 + 1.7 * k, lat_lon_h])[:40]
+    for name, header, table in (
+        ("GPS.csv", "tow,lat,lon,alt", fixes),
+        ("CAM.csv", "Img,tow,lat,lon,alt", images),
+    ):
+        np.savetxt(tmp_path / name, table, "%.9g", ",", header=header, comments="")
+    found = {source.path.name: source.role for source in discover([tmp_path]).sources}
+    assert found == {"GPS.csv": "gnss", "CAM.csv": "events"}

@@ -92,7 +92,7 @@ def test_holes_of_comments_and_blank_lines_are_closed(
 
 
 FAULTS = {
-    "a number": ("200000.5,1,,3,4,5,6,7", "nothing in field 3 where a finite number must stand"),
+    "a number": ("200000.5,1,-,3,4,5,6,7", "'-' in field 3 where a finite number must stand"),
     "too few": ("1,2,3", "3 fields, expected 8"),
     "too many": ("200000.5,1,2,3,4,5,6,7,8", "9 fields, expected 8"),
     "a quote": ('200000.5,"1",2,3,4,5,6,7', "where a finite number must stand"),

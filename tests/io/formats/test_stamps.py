@@ -153,7 +153,7 @@ def test_a_date_in_columns_of_its_parts_is_a_clock(tmp_path, fraction, undated):
     assert imu.gps_week == 2034  # GPST is 18 s ahead: 2019-01-01 is a Tuesday
     seconds = (stamps - np.datetime64("2018-12-30")) / np.timedelta64(1, "s") + 18.0
     np.testing.assert_allclose(imu.time, seconds, rtol=0, atol=2e-6)
-    assert any("taken as UTC" in note.found for note in imu.notes)
+    assert not any("taken as UTC" in note.found for note in imu.notes)  # the names say it
 
 
 def test_lines_of_another_length_are_counted(tmp_path):

@@ -29,7 +29,6 @@ from insgnss.navigation.diagnosis.evidence import (
     misfit,
 )
 from insgnss.navigation.diagnosis.sensitivity import Sensitivity
-from insgnss.navigation.diagnosis.time_correlated import _towards_claim
 from insgnss.navigation.diagnosis.variances import VarianceSearch, _averaged, _promise
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import FixErrors
@@ -112,36 +111,6 @@ def test_the_promise_of_a_family_is_raos_score() -> None:
         assert _promise(g, A, chosen) == pytest.approx(gain)
 
 
-@pytest.mark.parametrize(
-    ("k", "c", "limit", "ends_at"),
-    [
-        (0.5, 0.6, 1e9, np.sqrt(1.0 - 0.25)),  # up to what the file claims
-        (0.5, 1.5, 1e9, np.sqrt(1.0 - 0.25)),  # down to it
-        (0.8, 1.5, 1e9, 1.5),  # k alone is most of the claim, and what is beyond it stays
-        (0.8, 0.8, 1e9, 0.8),
-        (0.5, 0.2, 120.0, None),  # not beyond a correlation time of ten minutes
-    ],
-)
-def test_the_shares_move_towards_the_claim(k, c, limit, ends_at) -> None:
-    """Oracle: k^2 + c^2 = 1 by hand, to half a step of the ridge; c^2 / T stays what it was."""
-    start = np.log([k, c, 20.0, 1.0]) if ends_at else np.log([k, c, 400.0, 1.0])
-    end = _towards_claim(lambda p: 0.0, start, 0.0)
-    assert 2.0 * end[1] - end[2] == pytest.approx(2.0 * start[1] - start[2])
-    assert end[0] == start[0]
-    if ends_at is None:
-        assert 600.0 / 1.3 < np.exp(end[2]) <= 600.0
-    else:
-        assert abs(np.exp(end[1]) / ends_at - 1.0) < 0.5 * np.log(1.3) + 0.05
-
-
-@pytest.mark.parametrize(("rise", "moves"), [(0.9, True), (1.1, False)])
-def test_the_claim_is_left_where_the_likelihood_doubts_it(rise, moves) -> None:
-    """Oracle: a rise of -2 log L by one, what a sigma makes, on either side."""
-    start = np.log([0.5, 0.6, 20.0, 1.0])
-    end = _towards_claim(lambda p: rise, start, 0.0)
-    assert (end[1] > start[1]) == moves
-
-
 @pytest.mark.parametrize("gain", [19.5, 21.0])
 @pytest.mark.parametrize(("code", "least"), [(False, 0.2), (True, 0.03)])
 def test_which_time_correlated_error_is_taken(monkeypatch, gain, code, least) -> None:
@@ -162,7 +131,6 @@ def test_which_time_correlated_error_is_taken(monkeypatch, gain, code, least) ->
     monkeypatch.setattr(time_correlated, "guesses", lambda _: ((0.01, 1.0, 1e3),))
     monkeypatch.setattr(time_correlated, "with_layout", lambda problem, start, layout: (layout,))
     monkeypatch.setattr(time_correlated, "minus_two_log_likelihood", cost)
-    monkeypatch.setattr(time_correlated, "_towards_claim", lambda cost, p, least: p)
     found = time_correlated.time_correlated_error(None, lambda errors: errors, FixErrors())
     if gain < 20.0:
         assert found is None
@@ -341,8 +309,8 @@ def test_when_a_slow_error_is_carried(monkeypatch, gain) -> None:
 
 def test_the_average_over_models_weighs_by_likelihood(monkeypatch) -> None:
     """Oracle: (V.3) by hand: two models of one likelihood each, none as probable as both."""
-    monkeypatch.setattr(variances_module, "SHARES", {1.0: 0.5, 0.5: 0.5})
-    monkeypatch.setattr(variances_module, "SLOW_S", {20.0: 1.0, 100.0: 1.0})
+    monkeypatch.setattr(variances_module, "EVERY_SHARE", {1.0: 0.5, 0.5: 0.5})
+    monkeypatch.setattr(variances_module, "EVERY_S", {20.0: 1.0, 100.0: 1.0})
     share, time_s = _averaged({(1.0, 20.0): 0.0, (0.5, 100.0): 2.0 * np.log(3.0)})
     w = np.array([0.5, 1.5]) / 3.0
     square = w @ [1.0, 0.25]
@@ -391,6 +359,34 @@ def next_state(
     search = SimpleNamespace(time_correlated=False, progress=None, variances=True, claims=NO_CLAIMS)
     here = decision.Stage(0, None)
     return decision.next_state(search, (None, None), here, constants)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "history"), [(1.0, ("lag",)), (-1.0, ("as a rival of the lever arm",))]
+)
+def test_a_lag_is_tried_where_the_lever_arm_has_moved(monkeypatch, evidence, history) -> None:
+    """Oracle: the more probable of both is adopted, the other is in the covariance, either way."""
+    monkeypatch.setattr(
+        decision, "VarianceSearch", lambda *_: SimpleNamespace(promising=lambda: ())
+    )
+    monkeypatch.setattr(decision, "_slow_bias", lambda *_: None)
+    monkeypatch.setattr(decision, "arm_has_moved", lambda _: True)
+    lag = SimpleNamespace(
+        evidence=evidence,
+        sentence="lag",
+        posed=None,
+        solution="with lag",
+        dynamics=SimpleNamespace(name="receiver dynamics"),
+        check=lambda: SimpleNamespace(name="lag", found=""),
+        shared_error=lambda _, adopted=True: adopted,
+    )
+    monkeypatch.setattr(decision, "lag_beside_arm", lambda *_: lag)
+    search = SimpleNamespace(time_correlated=False, progress=None, variances=True, claims=NO_CLAIMS)
+    adopted = decision.next_state(search, (None, None), decision.Stage("before", None), None)
+    assert adopted.shared == (evidence > 0.0,)
+    assert adopted.solution == ("with lag" if evidence > 0.0 else "before")
+    assert history[0] in adopted.history[0]
+    assert decision.next_state(search, (None, None), adopted, None) is None
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,8 @@ from insgnss.navigation.diagnosis import variances
 from insgnss.navigation.diagnosis.candidates import ErrorModel, with_time_correlated_error
 from insgnss.navigation.diagnosis.evidence import FixClaims
 from insgnss.navigation.diagnosis.variances import (
+    EVERY_S,
+    EVERY_SHARE,
     SHARES,
     SLOW_S,
     VarianceHypothesis,
@@ -225,25 +227,34 @@ def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
     assert shown.correlation_time_s == pytest.approx(1.0 / sum(p / T for T, p in SLOW_S.items()))
 
 
-def test_a_claim_that_is_exceeded_bounds_no_slow_error(monkeypatch):
-    """Oracle: by hand: where innovations tell c^2 / T = 2 alone, and 1.44 times it after the step
-    of the scoring, c^2 is that times the mean of T at its odds a priori: 20 to 600 s, and the one
-    that was fitted. The white share and the ratio of heights stay.
+@pytest.mark.parametrize(("k", "c"), [(0.9, 200.0**0.5), (0.5, 0.8)])
+def test_no_claim_bounds_a_slow_error(monkeypatch, k, c):
+    """Oracle: by hand: where innovations tell c^2 / T alone, and 1.44 times it after the step of
+    the scoring, c^2 is that times the mean of T at its odds a priori, of shares as of times, beyond
+    the claim or not. The white share and the ratio of heights stay; a claim of code solutions
+    holds.
     """
-    part = SimpleNamespace(cost=1000.0)
+    part = SimpleNamespace(cost=1000.0, problem=None)
     looked = SimpleNamespace(part=part, nothing=part)
     step = SimpleNamespace(gradient=-np.log(1.2) * np.ones(1), information=np.eye(1), cost=50.0)
+    code = []
+    monkeypatch.setattr(variances, "only_code_fixes", lambda _: bool(code))
     monkeypatch.setattr(variances, "_linearised", lambda _, errors, names: errors)
     monkeypatch.setattr(variances, "evaluate", lambda *_: step)
-    fitted = with_time_correlated_error(FixErrors(), 0.9, 200.0**0.5, 100.0, 1.5)
+    fitted = with_time_correlated_error(FixErrors(), k, c, 100.0, 1.5)
     found = VarianceSearch.averaged(looked, lambda errors: errors, fitted)
-    of_100 = np.interp(np.log(100.0), np.log([60.0, 120.0]), [SLOW_S[60.0], SLOW_S[120.0]])
-    odds = {**SLOW_S, 100.0: of_100, 600.0: SLOW_S[300.0]}
-    mean_s = sum(T * p for T, p in odds.items()) / sum(odds.values())
-    share = (1.44 * 2.0 * mean_s) ** 0.5
+    square = {T: 1.44 * c**2 * T / 100.0 for T in EVERY_S}
+    shares, odds_of_shares = np.log(list(EVERY_SHARE)), list(EVERY_SHARE.values())
+    odds = {
+        T: EVERY_S[T] * np.interp(0.5 * np.log(square[T]), shares, odds_of_shares) for T in EVERY_S
+    }
+    share = (sum(square[T] * p for T, p in odds.items()) / sum(odds.values())) ** 0.5
     assert found.gm_sigma == pytest.approx((share, share, 1.5 * share))
-    assert found.correlation_time_s == pytest.approx(mean_s)
+    assert found.correlation_time_s == pytest.approx(share**2 / (1.44 * c**2 / 100.0))
     assert found.white_scale == fitted.white_scale
+    code.append(True)
+    of_code = VarianceSearch.averaged(looked, lambda errors: errors, fitted)
+    assert (of_code == fitted) is (k < 0.7)
 
 
 def test_a_little_more_evidence_carries_a_little_more():

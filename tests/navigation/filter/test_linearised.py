@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from air_motions import multirotor
 from batch_least_squares import batch
 from flown import NO_GATE, Flown, error_of, fly, start_near
 from scipy.stats import chi2
@@ -27,7 +28,6 @@ from insgnss.navigation.filter.linearised import LINEAR_SIGMAS, linearised_about
 from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records.measurements import Measurement, Motion, OwnState
-from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, observe
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([0.5, 0.5, 3.0])])

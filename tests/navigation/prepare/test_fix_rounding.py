@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from air_motions import multirotor
 
 import insgnss
 from insgnss.navigation.prepare.fix_covariance.rounding import rounding_step, with_rounding
 from insgnss.records import GnssFixes
-from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import ImuOptions, observe
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from air_motions import circles, multirotor
 
 import insgnss
 from insgnss.geodesy.rotation import rotation_from_rpy, vector_from_rotation
 from insgnss.navigation.recognise.plausibility import check_heading, check_recording
 from insgnss.navigation.recognise.propulsion import propulsion
 from insgnss.simulation.ground import drive
-from insgnss.simulation.manoeuvres import circles, multirotor
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import ImuOptions, observe
 

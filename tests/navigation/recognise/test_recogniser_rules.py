@@ -391,16 +391,41 @@ def test_steps_of_the_lag(monkeypatch, kind, span_s, step) -> None:
 def test_a_unit_is_sure_where_gravity_has_its_size(size, confidence) -> None:
     """Oracle: by hand: sure within 15 %, not at all beyond 40 %, of the logarithm."""
     grid = SimpleNamespace(
-        step=0.02, interval=0.02, dvel=np.tile([0.0, 0.0, -0.02 * G * size], (50, 1))
+        step=0.02,
+        interval=0.02,
+        dvel=np.tile([0.0, 0.0, -0.02 * G * size], (50, 1)),
+        whole_accel=False,
     )
     assert force_unit(grid).of_unit.confidence == pytest.approx(0.999 * confidence, abs=1e-6)
 
 
 def test_two_units_of_one_size_are_half_as_sure() -> None:
     """Oracle: increments over a second are what rates are."""
-    grid = SimpleNamespace(step=0.02, interval=0.8, dvel=np.tile([0.0, 0.0, -0.02 * G], (50, 1)))
+    grid = SimpleNamespace(
+        step=0.02,
+        interval=0.8,
+        dvel=np.tile([0.0, 0.0, -0.02 * G], (50, 1)),
+        whole_accel=False,
+    )
     assert force_unit(grid).of_unit.confidence == pytest.approx(0.5 * 0.999)
     assert _nearest([(1.0, "a", "mean_rate"), (2.0, "b", "mean_rate")], G)[0][2] == "a"
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "confidence"),
+    [
+        (8205.0, f"{0.5**13:.12g} g", 1.0),
+        (1.02 * 2048, f"{0.5**11:.12g} g", 1.0),
+        (1012.0, f"{0.5**10:.12g} g", 0.5),  # as near to 1000 in mg
+        (5000.0, "unknown", 0.0),
+    ],
+)
+def test_counts_of_gravity_are_powers_of_two(size, unit, confidence) -> None:
+    """Oracle: data sheets: a range of 2 to 16 g over 2^15 counts."""
+    dvel = np.tile([0.0, 0.0, -0.02 * size], (50, 1))
+    grid = SimpleNamespace(step=0.02, interval=0.02, dvel=dvel, whole_accel=True)
+    found = force_unit(grid).of_unit
+    assert (found.found, found.confidence) == (unit, pytest.approx(0.999 * confidence, abs=1e-6))
 
 
 def test_who_stands_beside_a_path() -> None:

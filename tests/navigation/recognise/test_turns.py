@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from air_motions import multirotor
 
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.navigation.recognise import turns
-from insgnss.navigation.recognise.plausibility import check_heading
+from insgnss.navigation.recognise.plausibility import check_heading, check_recording
 from insgnss.navigation.recognise.turns import (
     Forces,
     _forces,
@@ -19,7 +20,6 @@ from insgnss.navigation.recognise.turns import (
     check_turns,
 )
 from insgnss.records import GnssFixes, ImuSamples
-from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import ImuOptions, observe, simulate_flight
 
@@ -211,3 +211,26 @@ def test_fixes_whose_course_rates_are_noise_show_no_turns(monkeypatch, correlati
             return rows.start
 
     assert turns._reliable(EveryOther(), one, 1) == seen
+
+
+@pytest.mark.parametrize(("rate", "offset"), [(0.08, 0.0), (-0.05, 3.0), (0.12, -20.0)])
+def test_a_clock_of_another_rate_is_named_by_it(flown, rate, offset):
+    """Oracle: the rate; the turns of 12 minutes show it to a second of them, 0.14 %."""
+    start = flown.gnss.time[0]
+    time = start + (flown.imu.time - start) * (1.0 + rate) + offset
+    imu = replace(flown.imu, time=time)
+    checks = check_recording(imu, np.eye(3), flown.gnss, None, None)
+    (check,) = [one for one in checks if one.name == turns.OF_TURNS]
+    assert check.verdict == "contradiction"
+    unit, shift = (float(x) for x in re.findall(r'= "?(-?[\d.]+)', check.advice))
+    assert unit == pytest.approx(1.0 / (1.0 + rate), abs=1.4e-3)
+    assert np.abs(unit * time + shift - flown.imu.time).max() < 1.0
+    assert ("fast" if rate > 0.0 else "slow") in check.advice
+
+
+def test_an_offset_is_no_rate(flown):
+    """Oracle: the offset."""
+    imu = replace(flown.imu, time=flown.imu.time + 4.2)
+    checks = check_recording(imu, np.eye(3), flown.gnss, None, None)
+    (check,) = [one for one in checks if one.name == turns.OF_TURNS]
+    assert "+4.3 s to gnss.time_offset_s" in check.advice

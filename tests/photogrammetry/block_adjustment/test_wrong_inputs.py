@@ -26,6 +26,7 @@ from insgnss.io.formats.blocks.ground_points import (
 )
 from insgnss.io.formats.blocks.image_points import read_image_points, write_image_points
 from insgnss.io.formats.orientation.eo_json import write_eo_json
+from insgnss.photogrammetry.block_adjustment.aerial.relative import breaks
 from insgnss.photogrammetry.block_adjustment.ground import ground_in_plane
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.judgement import _control
@@ -90,6 +91,34 @@ def neighbours(inputs):
     source = np.empty_like(order)
     source[order] = np.roll(order, -1)
     return with_poses(inputs, block.position_m[source], block.C_mc[source])
+
+
+def broken(missed, first, end=None, turn_deg=0.0):
+    """From a row of the order of time on, each image has the pose of the one `missed` after it; of
+    none the order is reversed, or the attitudes are turned."""
+
+    def plant(inputs):
+        block, order = inputs.block, np.argsort(inputs.eo_row)
+        rows = order[first:end]
+        position, C = block.position_m.copy(), block.C_mc.copy()
+        if turn_deg:
+            C[rows] = rotation_from_vector(np.radians([0.0, 0.0, turn_deg])) @ C[rows]
+        else:
+            source = rows[::-1] if not missed else np.append(rows[missed:], rows[-missed:])
+            position[rows], C[rows] = block.position_m[source], block.C_mc[source]
+        return with_poses(inputs, position, C)
+
+    return plant
+
+
+def lines_of(inputs):
+    """First and last rows of the flight lines, in the order of time."""
+    number = breaks(inputs.eo, 10.0)
+    return [
+        (int(r[0]), int(r[-1]) + 1)
+        for r in map(np.flatnonzero, number == np.unique(number)[:, None])
+        if r.size > 8
+    ]
 
 
 def exchanged(inputs):
@@ -188,6 +217,28 @@ def test_what_does_not_belong_is_refused_by_name(case, right) -> None:
     plant, message = CASES[case]
     with pytest.raises(DataError, match=message):
         refuse_implausible(plant(right))
+
+
+@pytest.mark.parametrize(
+    ("missed", "whole", "turn_deg", "words"),
+    [
+        (1, False, 0.0, r"each of the images {0} to {1} had the position of the image 1 after it"),
+        (2, False, 0.0, r"each of the images {0} to {1} had the position of the image 2 after it"),
+        (1, True, 0.0, r"each of the images {0} to {1} had the position of the image 1 after it"),
+        (0, True, 0.0, r"images {0} to {1}, a flight line, were numbered in the reverse order"),
+        (0, True, 180.0, r"attitudes of images {0} to {1}, a flight line, .* by 180 deg"),
+        (0, True, 90.0, r"attitudes of images {0} to {1}, a flight line, .* by 90 deg"),
+    ],
+)
+def test_the_image_at_which_an_order_breaks_is_named(missed, whole, turn_deg, words, right) -> None:
+    """Oracle: the image from which on the test shifts poses by one or two, or the line whose order
+    or attitudes it turns."""
+    n = len(right.eo.images)
+    first, end = lines_of(right)[1] if whole else (23, n)
+    first += 3 * (whole and missed > 0)
+    named = (right.eo.images[first], right.eo.images[end - 1])
+    with pytest.raises(DataError, match=words.format(*map(re.escape, named))):
+        refuse_implausible(broken(missed, first, end, turn_deg)(right))
 
 
 def two_of_five(inputs, seed):

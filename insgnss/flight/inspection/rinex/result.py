@@ -59,9 +59,9 @@ class RinexInspection(Shown):
         s = self.survey
         assert s.rover is not None
         assert s.base is not None
-        words = ["insgnss", "ppk", *map(str, s.rover.files), "--base", *map(str, s.base.files)]
-        words += ["--navigation", *map(str, s.navigation)]
-        return command_line(words)
+        arguments = ["insgnss", "ppk", *map(str, s.rover.files), "--base", *map(str, s.base.files)]
+        arguments += ["--navigation", *map(str, s.navigation)]
+        return command_line(arguments)
 
     def summary(self) -> str:
         """Return the text for the terminal."""

@@ -229,8 +229,8 @@ def _bands(observations: Observations, letter: str) -> tuple[str, ...]:
     """Bands in which some satellite of a system has a phase."""
     rows = np.char.startswith(observations.satellite, letter)
     phases = [(k, name) for k, name in enumerate(observations.signals) if name[0] == "L"]
-    there = {name[1] for k, name in phases if np.isfinite(observations.values[rows, k]).any()}
-    return tuple(sorted(there))
+    measured = {name[1] for k, name in phases if np.isfinite(observations.values[rows, k]).any()}
+    return tuple(sorted(measured))
 
 
 def rover_and_base(
@@ -256,22 +256,20 @@ def rover_and_base(
         (
             "its epochs come oftener than those of the others",
             lambda one: all(
-                one.interval_s * OFTENER < other.interval_s
-                for other in receivers
-                if other is not one
+                one.interval_s * OFTENER < r.interval_s for r in receivers if r is not one
             ),
         ),
         (
             "its time lies within that of the others",
-            lambda one: all(_within(one, other) for other in receivers if other is not one),
+            lambda one: all(_within(one, r) for r in receivers if r is not one),
         ),
     )
     for why, moves in rules:
         moving = [one for one in receivers if moves(one)]
         if len(moving) == 1:
             rover = moving[0]
-            others = [one for one in receivers if one is not rover]
-            base = max(others, key=lambda other: _common(rover, other))
+            candidates = [one for one in receivers if one is not rover]
+            base = max(candidates, key=lambda r: _common(rover, r))
             if _common(rover, base) <= 0.0:
                 return rover, None, "no other receiver observed at the rover's time"
             return rover, base, why
@@ -284,13 +282,13 @@ def _marker_moves(header: RinexHeader) -> bool:
     return kind.startswith(("NON_GEODETIC", "AIRBORNE", "GROUND_CRAFT", "HUMAN"))
 
 
-def _common(one: Receiver, other: Receiver) -> float:
+def _common(first: Receiver, second: Receiver) -> float:
     """Seconds that both observed."""
-    return min(one.last_s, other.last_s) - max(one.first_s, other.first_s)
+    return min(first.last_s, second.last_s) - max(first.first_s, second.first_s)
 
 
-def _within(one: Receiver, other: Receiver) -> bool:
-    longer = other.last_s - other.first_s
-    return one.last_s - one.first_s < WITHIN * longer and _common(one, other) > WITHIN * (
-        one.last_s - one.first_s
+def _within(inner: Receiver, outer: Receiver) -> bool:
+    longer = outer.last_s - outer.first_s
+    return inner.last_s - inner.first_s < WITHIN * longer and _common(inner, outer) > WITHIN * (
+        inner.last_s - inner.first_s
     )

@@ -25,7 +25,7 @@ FIXED_TICKS = {
     **dict.fromkeys(("itow", "gms", "millis"), "ms"),
     "micros": "us",
 }
-SHORTEST_STEP_S = 1e-5  # of a sensor: a header's unit that makes shorter steps is wrong (chosen)
+SHORTEST_TICK_S = 1e-5  # of a sensor: a header's unit that makes shorter steps is wrong (chosen)
 COUNTER = re.compile(
     r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
 )
@@ -59,21 +59,25 @@ def _clocks(grid: UnknownTable, longest_step: float, least_forward: float) -> di
     fine = seconds_and_nanoseconds(grid.names).values()
     units: dict[int, str] = {}
     for k, name in enumerate(grid.names):
-        shorts = [] if name is None else [*spellings(name), *bare(name, ("time",))]
-        clock_names = [short for short in shorts if short in CLOCK_NAMES]
-        if named and (not clock_names or k in fine):
+        clock = [] if name is None else clock_names(name)
+        if named and (not clock or k in fine):
             continue
         unit = _clock_unit(grid.values[:, k], longest_step, not named, least_forward)
         if unit is not None:
-            stated = [FIXED_TICKS[short] for short in clock_names if short in FIXED_TICKS]
+            stated = [FIXED_TICKS[short] for short in clock if short in FIXED_TICKS]
             stated += filter(None, [grid.unit_of(k, "time")])
             steps = np.diff(grid.values[:, k])
             typical = float(np.median(steps[steps > 0.0]))
             units[k] = next(
-                (one for one in stated if SHORTEST_STEP_S < typical * tick(one) <= longest_step),
+                (one for one in stated if SHORTEST_TICK_S < typical * tick(one) <= longest_step),
                 unit,
             )
     return _best_first(grid, units)
+
+
+def clock_names(name: str) -> list[str]:
+    """Return the spellings of a column's name that are names of clocks."""
+    return [s for s in (*spellings(name), *bare(name, ("time",))) if s in CLOCK_NAMES]
 
 
 def clocks_by_values(grid: UnknownTable, longest_step: float, taken: set[int]) -> dict[int, str]:
@@ -102,20 +106,27 @@ def is_clock_of(grid: UnknownTable, column: int, clock: int) -> bool:
     ratio = float(b[-1] - b[0]) / span if span else 0.0
     if not ratio > 0.0 or abs(np.log10(ratio) - 3.0 * round(np.log10(ratio) / 3.0)) > TWIN:
         return False
-    off = np.abs(b - b[0] - ratio * (a - a[0])) / ratio
-    return bool(np.quantile(off, EVEN_SHARE) < np.median(np.diff(a)))
+    deviation = np.abs(b - b[0] - ratio * (a - a[0])) / ratio
+    return bool(np.quantile(deviation, EVEN_SHARE) < np.median(np.diff(a)))
 
 
 def _best_first(grid: UnknownTable, units: dict[int, str]) -> dict[int, str]:
-    """Clocks that count from 1970 first, then those in seconds.
+    """Times of week beside a week first, clocks that count from 1970, then those in seconds.
 
     One that falls, as seconds of a minute do, is none beside one that does not.
     """
     forward = {k: u for k, u in units.items() if (np.diff(grid.values[:, k]) >= 0.0).all()}
 
-    def rank(item: tuple[int, str]) -> tuple[bool, bool]:
+    beside_week = bool(weeks(grid))
+
+    def rank(item: tuple[int, str]) -> tuple[bool, bool, bool]:
         k, unit = item
-        return not float(np.median(grid.values[:, k])) * tick(unit) > UNIX_FROM, unit != "s"
+        of_week = beside_week and squashed(grid.names[k] or "").endswith("tow")
+        return (
+            not of_week,
+            not float(np.median(grid.values[:, k])) * tick(unit) > UNIX_FROM,
+            unit != "s",
+        )
 
     return dict(sorted((forward or units).items(), key=rank))
 
@@ -138,9 +149,9 @@ def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
             continue
         whole = [
             k
-            for k, other in enumerate(names)
+            for k, column in enumerate(names)
             if k != fine
-            and (m := SECONDS_SUFFIX.fullmatch(squashed(other or "")))
+            and (m := SECONDS_SUFFIX.fullmatch(squashed(column or "")))
             and m[1] == match[1]
         ]
         if len(whole) == 1:

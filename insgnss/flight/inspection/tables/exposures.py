@@ -16,7 +16,7 @@ import numpy as np
 from ....base.errors import InsgnssError
 from ....geodesy.gpstime import WEEK_S
 from ....io.formats import read_events, sniff_events
-from ....io.formats.events.dated import DATED_QUOTES, DATED_STAMP, DAY, table_of_dates
+from ....io.formats.events.dated import DATED_QUOTES, DATED_STAMP, DAY_ALONE, table_of_dates
 from ....io.formats.events.events import SPEC, UNNAMED
 from ....io.formats.names import IMAGE_ENDINGS
 from ....io.formats.text.text import TextTable, read_text_table
@@ -109,7 +109,7 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
     ]
     days, clocks = (
         [k for k, column in enumerate(texts) if all(map(form.fullmatch, column))]
-        for form in (DAY, CLOCK_TEXT)
+        for form in (DAY_ALONE, CLOCK_TEXT)
     )
     if len(days) == len(clocks) == 1:
         return {

@@ -15,6 +15,7 @@ import numpy as np
 from ....io.formats import load_content
 from ....io.formats.arrays.content import Matrix, tables_of, take_columns
 from ....io.formats.arrays.matlab import load_matlab
+from ....io.formats.text.order import SHARE_LIMIT
 from ....io.formats.text.text import read_table
 from ....records import Array
 from .clocks import seconds_and_nanoseconds
@@ -117,6 +118,8 @@ def _sensors_apart(content: Any) -> Iterator[GridTable]:
 def _text_tables(path: Path) -> Iterator[GridTable]:
 
     table = read_table(path, whole=False)
+    few = SHARE_LIMIT * len(table)
+    table = table.with_values(k for k, blanks in table.blank.items() if blanks < few)
     layout, values = table.layout, table.values
     names = layout.header_fields or (None,) * layout.n_fields
     nanos = {}

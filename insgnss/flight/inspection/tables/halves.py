@@ -131,11 +131,11 @@ def of_two_halves(
     """
     if not gyros and not accels:
         return None
-    there = gyros or accels
+    sensors = gyros or accels
     if not gyros or not accels:
         raise InputError.in_file(
-            there[0].path,
-            f"{there[0].what}: no {OTHER[there[0].role]} beside them; give the file of these as"
+            sensors[0].path,
+            f"{sensors[0].what}: no {OTHER[sensors[0].role]} beside them; give the file of these as"
             " well, put both into one table, or call them gx gy gz and ax ay az",
         )
     gyro, accel = (_calibrated(sources) for sources in (gyros, accels))
@@ -150,8 +150,8 @@ def of_two_halves(
             accel.path,
             f"no column of time of the same name and unit as in {gyro.path.name}; call both time",
         )
-    first, *others = (_pair(g, a) for g, a in pairs)
-    return replace(first, other_clocks=tuple(others))
+    first, *further = (_pair(g, a) for g, a in pairs)
+    return replace(first, other_clocks=tuple(further))
 
 
 def _calibrated(sources: tuple[InputSource, ...]) -> InputSource:

@@ -11,7 +11,7 @@ from .names import Roles, UnknownTable
 
 # where local metres are put to look at them: their own point is not known here
 ANYWHERE = TangentPlane(np.radians(45.0), np.radians(10.0), 0.0)
-LONGEST_STEP_S = 30.0  # of a clock of fixes: longer ones are no recording of a flight
+LONGEST_FIX_STEP_S = 30.0  # of a clock of fixes: longer ones are no recording of a flight
 SIGMAS_OF_METRES = dict(zip(("sd_n", "sd_e", "sd_u"), ("sd_x", "sd_y", "sd_z"), strict=True))
 
 
@@ -70,7 +70,7 @@ def in_metres(roles: Roles, renamed: dict[str, str]) -> Roles:
 
 def _geocentric_triple(grid: UnknownTable) -> int | None:
     """Return the first of three neighbouring columns with the Earth's radius, or None."""
-    stamps = clocks_by_values(grid, LONGEST_STEP_S, set())
+    stamps = clocks_by_values(grid, LONGEST_FIX_STEP_S, set())
     for k in range(grid.values.shape[1] - 2):
         if not stamps.keys() & {k, k + 1, k + 2} and on_earth(grid.values[:, k : k + 3]):
             return k

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from ....io.formats import SENSOR_SCALES
 from ....io.formats.names import GNSS, TIME, TRIADS, taken_by_inspect
@@ -13,6 +14,19 @@ from ....records import Array
 RECEIVER = re.compile(
     "^(gps|gnss|rtk|ublox|location)"
 )  # whose name stands before those of its columns
+# words that call a triad of a sensor, whatever stands beside them, and words of something else
+SENSOR_WORDS = {
+    "gyro": re.compile(
+        "gy|giro.*|gyr.*|omega|rates?|turnrate|drehraten?|winkelgeschwindigkeit(en)?|rotationsrate"
+        "|ang(ular)?(vel(ocity)?|rate)|rot(ation)?(vel(ocity)?|rate|speed)"
+    ),
+    "accel": re.compile("ac|acc.*|xl|beschleunigung(en)?|(specific)?force|specific|sf"),
+}
+OF_ANOTHER = re.compile(
+    "cov.*|bias.*|std.*|sd|sigma|var.*|rms|mag.*|earth|grav.*|user|lin(ear)?|linacc|free|sp|set.*"
+    "|cmd|des(ired)?|target|delta|sum|temp.*|max|min|accuracy|offset|scale|misal.*|world|ned|enu"
+)
+AXES_OF_TRIADS = (*(tuple(axes) for axes in ("xyz", "012", "123")), ("roll", "pitch", "yaw"))
 # kinds of the units of what is no clock
 OF_VALUES = tuple(kind for kind in SENSOR_SCALES if kind != "time")
 
@@ -43,8 +57,26 @@ def _parts(name: str) -> list[str]:
     return [".".join(parts[k:]) for k in range(len(parts))]
 
 
+def words_and_axis(name: str) -> tuple[tuple[str, ...], str]:
+    """Return the words of a name in lower case without that of its axis, and the axis.
+
+    Words end at signs, at digits and where a capital begins: UncompGyroX, GYRO_XOUT, gyroADC[0],
+    Drehrate X. The axis is empty where no word is one.
+    """
+    plain = re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name[:LONGEST_COLUMN_NAME])
+    spelled = re.findall(r"[^\W\d_]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", plain).lower())
+    terms = [word.removesuffix("out") or word for word in spelled]
+    for k in range(len(terms) - 1, -1, -1):
+        word = terms[k]
+        if word in "xyz" or word in ("roll", "pitch", "yaw"):
+            return (*terms[:k], *terms[k + 1 :]), word
+        if any(form.fullmatch(word[:-1]) for form in SENSOR_WORDS.values()) and word[-1] in "xyz":
+            return (*terms[:k], word[:-1], *terms[k + 1 :]), word[-1]
+    return (tuple(terms[:-1]), terms[-1]) if terms and terms[-1] in "0123" else (tuple(terms), "")
+
+
 CLOCK_NAMES, WEEK_NAMES = (frozenset(taken_by_inspect(TIME[x])) for x in ("tow", "week"))
-INCREMENTS = {"theta0", "theta1", "theta2", "vel0", "vel1", "vel2", "dt"}
+INCREMENT_ROLES = {"theta0", "theta1", "theta2", "vel0", "vel1", "vel2", "dt"}
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 
 
@@ -105,17 +137,36 @@ class UnknownTable:
         if not best:
             names = self._behind_a_word()
             best = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
+        if not best:
+            return self._triad_by_words(sensor)
         if best and best[2][-1].isdecimal() and f"{best[2][:-1]}{int(best[2][-1]) + 1}" in names:
             return {}
         canonical = GYRO if sensor == "gyro" else ACCEL
         return {c: names[name] for c, name in zip(canonical, best, strict=False)}
+
+    def _triad_by_words(self, sensor: str) -> dict[str, int]:
+        """Columns of the first triad of a sensor one of whose words names it; empty without any."""
+        columns: dict[tuple[str, ...], dict[str, int]] = {}
+        for k, name in enumerate(self.names):
+            for spelled in (name or "", *(stem for stem, _ in without_unit(name or "", OF_VALUES))):
+                stem, axis = words_and_axis(spelled)
+                columns.setdefault(stem, {}).setdefault(axis, k)
+        for stem, by_axis in columns.items():
+            pairs = ("".join(pair) for pair in pairwise((*stem, "")))
+            if not any(SENSOR_WORDS[sensor].fullmatch(word) for word in (*stem, *pairs)):
+                continue
+            axes = [axes for axes in AXES_OF_TRIADS if by_axis.keys() - {""} == set(axes)]
+            if axes and not any(map(OF_ANOTHER.fullmatch, stem)):
+                names = GYRO if sensor == "gyro" else ACCEL
+                return {c: by_axis[axis] for c, axis in zip(names, axes[0], strict=True)}
+        return {}
 
     def _behind_a_word(self) -> dict[str, int]:
         """Index by what stands behind the first underscore: that of a chip, as in mpu_ax."""
         columns: dict[str, int] = {}
         for k, name in enumerate(self.names):
             columns.setdefault(squashed((name or "").partition("_")[2]), k)
-        if self.named.keys() >= INCREMENTS:  # of an Inertial Sense uINS
+        if self.named.keys() >= INCREMENT_ROLES:  # of an Inertial Sense uINS
             columns |= {f"dtheta{axis}": self.named[f"theta{axis}"] for axis in range(3)}
             columns |= {f"dvel{axis}": self.named[f"vel{axis}"] for axis in range(3)}
         return columns

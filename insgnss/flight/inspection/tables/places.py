@@ -71,13 +71,13 @@ def gnss_by_values(grid: UnknownTable) -> Roles | None:
         position = _position(grid, clock, tick(unit))
         if position is not None:
             columns, units = position
-            others = {
+            further = {
                 k: unit for k, unit in ticks.items() if k != clock and k not in columns.values()
             }
             moving = {"vn", "speed"} & columns.keys()
             return Roles(
                 columns,
-                {clock: unit} | others,
+                {clock: unit} | further,
                 week_column(grid),
                 units,
                 how=PLACES_BY_VALUES if moving else ORDER_ASSUMED,
@@ -96,8 +96,8 @@ def _position(
     every = max(1, -(-len(grid.values) // MOST_ROWS_LOOKED_AT))
     grid = UnknownTable(grid.values[::every], grid.names)
     time = grid.values[:, clock] * factor
-    others = range(grid.values.shape[1])
-    taken = {clock, *weeks(grid), *(k for k in others if is_clock_of(grid, k, clock))}
+    columns = range(grid.values.shape[1])
+    taken = {clock, *weeks(grid), *(k for k in columns if is_clock_of(grid, k, clock))}
     best: tuple[float, dict[str, int], dict[str, str]] | None = None
     for lat, lon, height in _triples(grid.values.shape[1]):
         if taken & {lat, lon, height} or is_clock_of(grid, lat, lon):
@@ -105,11 +105,11 @@ def _position(
         position = {"lat": lat, "lon": lon, "h": height}
         units = {"angle": angle_unit(grid, lat, lon)}
         metres = _metres(grid, position, units["angle"])
-        if metres is None or not _travels(time, metres):
+        if metres is None or not _travels(time, metres, any(grid.names)):
             continue
-        more, of_course, off = _velocity_and_sigmas(grid.values, time, metres, height + 1)
-        if best is None or off < best[0]:
-            best = off, position | more, units | of_course
+        more, of_course, misfit = _velocity_and_sigmas(grid.values, time, metres, height + 1)
+        if best is None or misfit < best[0]:
+            best = misfit, position | more, units | of_course
     return None if best is None else best[1:]
 
 
@@ -142,23 +142,28 @@ def _metres(grid: UnknownTable, position: dict[str, int], unit: str) -> Array | 
     return np.column_stack([(lat - lat[0]) * M, (lon - lon[0]) * N * np.cos(lat[0]), h[0] - h])
 
 
-def _travels(time: Array, metres: Array) -> bool:
-    """Whether the positions draw a path, never faster than an aircraft, but for wrong fixes."""
+def _travels(time: Array, metres: Array, named: bool) -> bool:
+    """Whether the positions draw a path, never faster than an aircraft, but for wrong fixes.
+
+    Those of one place do as well where no names of columns say that they are something else.
+    """
     if len(metres) <= 2 * LAG or not (np.ptp(metres[:, :2], axis=0) > 0.0).all():
         return False
     step = np.maximum(np.diff(time), 1e-3)
     inner = len(metres) - MEDIAN_OF + 1
     path = np.median(sliding_window_view(metres[:, :2], MEDIAN_OF, axis=0), axis=2)
     half = MEDIAN_OF // 2
-    off = np.linalg.norm(metres[half : half + inner, :2] - path, axis=1)
+    deviation = np.linalg.norm(metres[half : half + inner, :2] - path, axis=1)
     way = np.linalg.norm(np.diff(path, axis=0), axis=1)
     reach = 2.0 * FASTEST_MS * float(np.median(step))
     far = np.linalg.norm(path[LAG:] - path[:-LAG], axis=1)
     spread = np.quantile(path, 0.95, axis=0) - np.quantile(path, 0.05, axis=0)
-    drawn = np.quantile(far, 0.9) > TRAVELLED * np.quantile(way, 0.9) or spread.max() < SMALL_M
+    drawn = np.quantile(far, 0.9) > TRAVELLED * np.quantile(way, 0.9) or (
+        not named and spread.max() < SMALL_M
+    )
     return bool(
         np.mean(way < FASTEST_MS * step[half : half + inner - 1]) > 0.98
-        and np.mean(off > reach) < BAD_SHARE
+        and np.mean(deviation > reach) < BAD_SHARE
         and drawn
     )
 
@@ -171,15 +176,15 @@ def _velocity_and_sigmas(
     That is infinite without a velocity.
     """
     step = np.maximum(np.diff(time), 1e-3)
-    seen = np.diff(metres, axis=0) / step[:, None]
-    usable = (np.linalg.norm(seen, axis=1) < FASTEST_MS) & (step < 5.0 * np.median(step))
+    track = np.diff(metres, axis=0) / step[:, None]
+    usable = (np.linalg.norm(track, axis=1) < FASTEST_MS) & (step < 5.0 * np.median(step))
     mean = 0.5 * (values[1:] + values[:-1])
     for k in range(first, values.shape[1] - 2):
         for names, (a, b, c, sign) in _ORDERS.items():
             stated = mean[usable, k : k + 3]
-            off = _off(stated[:, 0], seen[usable, a]) + _off(stated[:, 1], seen[usable, b])
-            vertical = seen[usable, c] * sign
-            if not np.isfinite(off) or (
+            misfit = _off(stated[:, 0], track[usable, a]) + _off(stated[:, 1], track[usable, b])
+            vertical = track[usable, c] * sign
+            if not np.isfinite(misfit) or (
                 np.ptp(stated[:, 2]) > 0.0 and np.dot(stated[:, 2], vertical) < 0.0
             ):
                 continue
@@ -188,18 +193,18 @@ def _velocity_and_sigmas(
             of_place, of_speed = (k + 3, k + 6) if k < first + 3 else (first, k + 3)
             speeds = [f"v{axis if axis != 'u' else 'd'}" for axis in axes]
             sigmas = _sigmas(values, axes, of_place) | _sigmas(values, speeds, of_speed)
-            return velocity | sigmas, {}, off
+            return velocity | sigmas, {}, misfit
     for k in range(first, values.shape[1] - 1):
         for unit, factor in (("deg", np.pi / 180.0), ("rad", 1.0)):
             polar = values[:, k] * np.exp(1j * factor * values[:, k + 1])
             along = (0.5 * (polar[1:] + polar[:-1]))[usable]
-            off = _off(along.real, seen[usable, 0]) + _off(along.imag, seen[usable, 1])
-            if values[:, k].min() < 0.0 or not np.isfinite(off):
+            misfit = _off(along.real, track[usable, 0]) + _off(along.imag, track[usable, 1])
+            if values[:, k].min() < 0.0 or not np.isfinite(misfit):
                 continue
             columns = {"speed": k, "course": k + 1}
-            if k + 2 < values.shape[1] and (up := _vertical(mean[usable, k + 2], seen[usable, 2])):
+            if k + 2 < values.shape[1] and (up := _vertical(mean[usable, k + 2], track[usable, 2])):
                 columns[up] = k + 2
-            return columns | _sigmas(values, ("n", "e", "u"), first), {"course": unit}, off
+            return columns | _sigmas(values, ("n", "e", "u"), first), {"course": unit}, misfit
     return _sigmas(values, ("n", "e", "u"), first), {}, np.inf
 
 
@@ -221,16 +226,16 @@ def _sigmas(values: Array, axes: Sequence[str], first: int) -> dict[str, int]:
     return {f"sd_{axis}": first + i for i, axis in enumerate(axes)}
 
 
-def _off(stated: Array, seen: Array) -> float:
+def _off(stated: Array, track: Array) -> float:
     """How far the slope of two series is from one, as a logarithm; infinite for unlike ones.
 
     The worst of the rows are left out: differences across a wrong fix.
     """
-    if stated.size < 20 or np.std(stated) == 0.0 or np.std(seen) == 0.0:
+    if stated.size < 20 or np.std(stated) == 0.0 or np.std(track) == 0.0:
         return np.inf
-    off = np.abs(stated - seen)
-    kept = off <= np.quantile(off, KEPT_VELOCITIES)
-    x, y = stated[kept], seen[kept]
+    deviation = np.abs(stated - track)
+    kept = deviation <= np.quantile(deviation, KEPT_VELOCITIES)
+    x, y = stated[kept], track[kept]
     if np.std(x) == 0.0 or np.std(y) == 0.0:
         return np.inf
     slope = float(np.dot(x, y) / np.dot(x, x))

@@ -30,7 +30,15 @@ from .quality import codes_of, quality_by_values
 PLURAL_OF_SENSOR = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 GEOCENTRIC_SIGMAS = {"sd_x", "sd_y", "sd_z"}
-POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} | GEOCENTRIC_SIGMAS
+SIGMA_ROLES = {
+    "sd_n",
+    "sd_e",
+    "sd_u",
+    "sd_ne",
+    "var_n",
+    "var_e",
+    "var_u",
+} | GEOCENTRIC_SIGMAS
 OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
@@ -177,10 +185,10 @@ def gnss_roles(grid: UnknownTable) -> Roles | None:
 
 def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
-    named, left = columns, dict[str, str]()
+    named, unnamed = columns, dict[str, str]()
 
     def without(reasons: dict[str, str]) -> dict[str, int]:
-        left.update(reasons)
+        unnamed.update(reasons)
         return {role: k for role, k in columns.items() if role not in reasons}
 
     columns = without(_not_finite(grid, columns))
@@ -205,7 +213,7 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set(columns.values()))
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
-    reasons = {named[role]: f"{role}: {why}" for role, why in left.items() if role in named}
+    reasons = {named[role]: f"{role}: {why}" for role, why in unnamed.items() if role in named}
     return Roles(columns, ticks, week_column(grid), units, repeat_column, left=reasons)
 
 
@@ -223,8 +231,8 @@ def _repeat_column(
     marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == ~held) > 0.95]
     if marks and len(ticks) > 1:
         return marks[0]
-    others = [column for role, column in fix.items() if role not in ("lat", "lon")]
-    return columns["lat"] if is_held((fix["lat"], fix["lon"]), others) else None
+    further = [column for role, column in fix.items() if role not in ("lat", "lon")]
+    return columns["lat"] if is_held((fix["lat"], fix["lon"]), further) else None
 
 
 def _unused_velocity(columns: dict[str, int]) -> dict[str, str]:
@@ -250,7 +258,7 @@ def _not_finite(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
         for role, k in columns.items()
         if role not in ("lat", "lon", "h")
         and (count := int((~np.isfinite(grid.values[:, k])).sum()))
-        and not (role in POSITION_SIGMAS and count < (1.0 - STATED_SHARE) * len(grid.values))
+        and not (role in SIGMA_ROLES and count < (1.0 - STATED_SHARE) * len(grid.values))
     }
 
 
@@ -266,16 +274,16 @@ def _no_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
         column = np.nan_to_num(grid.values[:, k])
         if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
             continue
-        if role in POSITION_SIGMAS and column.min() == 0.0 and (column > 0.0).mean() > STATED_SHARE:
+        if role in SIGMA_ROLES and column.min() == 0.0 and (column > 0.0).mean() > STATED_SHARE:
             continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
             bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
-    here = {role for role in columns if role in VELOCITY_SIGMAS}
+    velocities = {role for role in columns if role in VELOCITY_SIGMAS}
     if not columns.keys() - bad.keys() >= VELOCITY_SIGMAS:
-        bad = dict.fromkeys(here, "not all three are of use") | bad
+        bad = dict.fromkeys(velocities, "not all three are of use") | bad
     elif "sd_v" in columns:
         bad["sd_v"] = "others are taken"
-    of_place = {role for role in columns if role in POSITION_SIGMAS}
+    of_place = {role for role in columns if role in SIGMA_ROLES}
     for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
         if complete <= columns.keys() - bad.keys():
             return dict.fromkeys(of_place - complete, "others are taken") | bad

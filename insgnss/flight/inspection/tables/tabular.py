@@ -25,12 +25,12 @@ from ....io.formats.text.dates import calendar_columns
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
 from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, InputSource, Keys, Role
-from .clocks import UNIX_FROM, tick
+from .clocks import UNIX_FROM, clock_names, tick
 from .grids import FEWEST_ROWS, GridTable
 from .halves import half_of_imu
 from .names import ACCEL, GYRO, Roles, UnknownTable
 from .roles import (
-    POSITION_SIGMAS,
+    SIGMA_ROLES,
     fixes_by_values,
     gnss_roles,
     has_gravity,
@@ -97,9 +97,9 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
         taken.append((_imu, samples))
     if fixes is not None and fixes.clocks and not solution:
         taken.append((_gnss, fixes))
-    left = _left_out(table, finite, [roles for _, roles in taken])
+    spare = _left_out(table, finite, [roles for _, roles in taken])
     sources = [
-        replace(source_of(path, table, roles), columns_left_out=left) for source_of, roles in taken
+        replace(source_of(path, table, roles), columns_left_out=spare) for source_of, roles in taken
     ]
     if not sources and long and fixes is None and not solution:
         sources = half_of_imu(path, table, lambda roles: _imu(path, table, roles))
@@ -135,10 +135,10 @@ def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, .
     reasons: dict[int, str] = {}
     date = set(calendar_columns(table.fields).values())
     for roles in taken:
-        first, *others = roles.clocks or (None,)
+        first, *further = roles.clocks or (None,)
         used |= date if first in date else set()
         used |= {*roles.columns.values(), first, roles.week, roles.repeat_column}
-        reasons |= dict.fromkeys(others, "another clock") | roles.left
+        reasons |= dict.fromkeys(further, "another clock") | roles.left
     texts = []
     for k in range(len(grid.names)):
         if k in used:
@@ -152,6 +152,17 @@ def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, .
 def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) -> str:
     """What a table of a sensor lacks to be of use; empty where it holds none, or lacks nothing."""
     names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
+    values = table.grid.values
+    texts = [
+        name
+        for k, name in enumerate(table.grid.names)
+        if name and clock_names(name) and np.isnan(values[:, k]).mean() > 0.5
+    ]
+    if texts and not (samples or fixes or Roles({})).clocks:
+        return (
+            f"the column of time {texts[0]} holds no numbers and no dates: times of day alone lack"
+            " the day; write seconds, or dates as 2026-05-01 09:00:00.010"
+        )
     if samples is not None and not samples.clocks:
         return (
             f"gyros and accelerometers without a column of time among {names}; call one time or"
@@ -159,11 +170,11 @@ def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) ->
         )
     if fixes is not None and not fixes.clocks:
         return f"positions without a column of time; there are {names}; call one time or tow"
-    there = triads_named(table.grid) if len(table.grid.values) >= FEWEST_ROWS else []
-    if len(there) == 1 and fixes is None:
-        other = "accelerometers" if there == ["gyros"] else "gyros"
+    named = triads_named(table.grid) if len(table.grid.values) >= FEWEST_ROWS else []
+    if len(named) == 1 and fixes is None:
+        missing = "accelerometers" if named == ["gyros"] else "gyros"
         return (
-            f"{there[0]} without {other} or a column of time among {names}; put both into one"
+            f"{named[0]} without {missing} or a column of time among {names}; put both into one"
             " table, or call them gx gy gz and ax ay az"
         )
     return ""
@@ -242,7 +253,7 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
             entry.set_unit("velocity", roles.units["velocity"], VELOCITY_UNIT_REASON)
         if roles.repeat_column is not None:
             entry.set("repeat_column", table.fields[roles.repeat_column], HELD_FIXES)
-        if not POSITION_SIGMAS & columns.keys():
+        if not SIGMA_ROLES & columns.keys():
             entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
         elif unstated := _unstated(table.grid, columns):
             fixes = f"{unstated} of {len(table.grid.values)} fixes"
@@ -275,9 +286,7 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
 
 def _unstated(grid: UnknownTable, columns: dict[str, int]) -> int:
     """Count the fixes without a standard deviation, or with a zero that is no rounded one."""
-    sigmas = [
-        np.nan_to_num(grid.values[:, columns[role]]) for role in POSITION_SIGMAS & columns.keys()
-    ]
+    sigmas = [np.nan_to_num(grid.values[:, columns[role]]) for role in SIGMA_ROLES & columns.keys()]
     zero = [sigma == 0.0 for sigma in sigmas if floor_of_zeros(sigma) is None]
     return int(np.any(zero, axis=0).sum()) if zero else 0
 

@@ -78,8 +78,8 @@ class RigPairs:
         cov = np.zeros((a.size, 6, 6))
         for key in {(int(self.segment[k]), bool(self.receiver[k])) for k in a}:
             of_clock = (self.segment[a] == key[0]) & (self.receiver[a] == key[1])
-            here = np.flatnonzero(of_clock & (self.segment[b] == key[0]))
-            cov[here] = self._in_segment(a[here], b[here])
+            rows = np.flatnonzero(of_clock & (self.segment[b] == key[0]))
+            cov[rows] = self._in_segment(a[rows], b[rows])
         return cov
 
     def _in_segment(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:
@@ -97,11 +97,11 @@ class RigPairs:
         assert at_instants.cross is not None
         P[beside] = at_instants.cross[self.instant[a[beside]]]
         cov = self.J[a] @ P @ np.swapaxes(self.J[b], 1, 2)
-        for others in (~(together | beside) & (way >= 0), ~(together | beside) & (way < 0)):
-            if others.any():
-                first, second = (a, b) if (way[others] >= 0).all() else (b, a)
-                pairs = self._by_chain(first[others], second[others])
-                cov[others] = pairs if first is a else np.swapaxes(pairs, 1, 2)
+        for candidates in (~(together | beside) & (way >= 0), ~(together | beside) & (way < 0)):
+            if candidates.any():
+                first, second = (a, b) if (way[candidates] >= 0).all() else (b, a)
+                pairs = self._by_chain(first[candidates], second[candidates])
+                cov[candidates] = pairs if first is a else np.swapaxes(pairs, 1, 2)
         return cov
 
     def _by_chain(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:

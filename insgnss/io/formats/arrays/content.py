@@ -186,14 +186,14 @@ def _vector(path: object, node: Any, name: str) -> Array:
 def _numbers(path: object, node: Any, name: str) -> Array:
     values = np.asarray(node) if not isinstance(node, Mapping) else np.empty(0, dtype=object)
     if values.dtype.kind not in "buif" or values.ndim > 2:
-        there = f" (a struct of {', '.join(_names(node))})" if isinstance(node, Mapping) else ""
+        members = f" (a struct of {', '.join(_names(node))})" if isinstance(node, Mapping) else ""
         if values.dtype.kind == "M":
             raise InputError(
                 f"{path}: {name} holds dates ({values.dtype}), which do not say their time scale;"
                 ' save seconds: insgnss.gps_from_dates(dates, "utc" or "gpst")'
             )
         raise InputError(
-            f"{path}: {name} holds no numbers{there}; name a vector, or a column of a matrix"
+            f"{path}: {name} holds no numbers{members}; name a vector, or a column of a matrix"
         )
     with np.errstate(over="ignore"):  # of a longer type, beyond a float; refused as infinite
         return values.astype(np.float64)

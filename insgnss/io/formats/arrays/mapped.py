@@ -33,9 +33,9 @@ def _taken(
 ) -> dict[str, Array]:
     columns = options.columns or ()
     names = list(columns)
-    if isinstance(columns, Mapping) and (odd := [n for n in names if n not in spec.names]):
+    if isinstance(columns, Mapping) and (unknown := [n for n in names if n not in spec.names]):
         raise UsageError(
-            f"{path}: {named('columns')}: {odd[0]!r} is none of {', '.join(spec.names)}"
+            f"{path}: {named('columns')}: {unknown[0]!r} is none of {', '.join(spec.names)}"
         )
     taken = take_columns(path, content, columns, options.variable)
     cols = {name: column for name, column in taken.items() if name in spec.names}

@@ -34,8 +34,8 @@ MATRIX_HEADS = {
     OPAQUE: [INT8, INT8, INT8],
 }
 """Element types between flags and content: dimensions, name; of structs the fields' names."""
-COMPLEX = 0x800  # of the flags
-DEEPEST_STRUCT_OF_FILE = 16  # structs within structs; those of recordings have three or four
+COMPLEX = 0x800  # bit of the flags: the values are complex (format)
+DEEPEST_STRUCT_OF_FILE = 16  # structs within structs: recordings have three or four
 
 
 class Damaged(ValueError):

@@ -23,7 +23,7 @@ from .matfile import Damaged, read_mat
 
 LABEL_SUFFIX = "_label"
 HDF5 = b"\x89HDF\r\n\x1a\n"
-DEEPEST_STRUCT = 8  # structs within structs
+DEEPEST_STRUCT = 8  # structs within structs that are read: recordings have three or four
 
 
 def load_matlab(path: Source) -> Content:

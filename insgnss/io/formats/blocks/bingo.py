@@ -74,22 +74,22 @@ def read_bingo(
     lines, image_row, point, xy = [], [], [], []
     inside, ended, line, within = False, False, 0, 0
     for line, row in numbered_lines(decoded(path)):
-        words = row.split()
-        if words[0] == END_MARK:
+        fields = row.split()
+        if fields[0] == END_MARK:
             inside, ended = False, True
-        elif len(words) <= 2:
-            if words[0] in images:
+        elif len(fields) <= 2:
+            if fields[0] in images:
                 raise InputError.at_line(
-                    path, line, f"image {shown(words[0])} occurs in two blocks; join them into one"
+                    path, line, f"image {shown(fields[0])} occurs in two blocks; join them into one"
                 )
-            images.append(words[0])
+            images.append(fields[0])
             within = line if inside and not within else within
             inside = True
         elif inside:
             lines.append(line)
             image_row.append(len(images) - 1)
-            point.append(words[0])
-            xy.append([number_in(word, path, line) for word in words[1:3]])
+            point.append(fields[0])
+            xy.append([number_in(word, path, line) for word in fields[1:3]])
         else:
             raise InputError.at_line(
                 path,

@@ -25,8 +25,9 @@ from ..bundle.camera import BROWN_NAMES, FISHEYE_NAMES
 from ..text.text import Source
 
 EXACT_PX = 0.01  # of an image point: a tenth of what is measured
-LOST_PX = 0.1  # of what a program has no place for, which is said
-GRID = 25  # points to a side of the image, at which two cameras are compared (chosen)
+# shift of pixels (px): what is left out because a program has no place for it moves less
+LOST_PX = 0.1
+GRID = 25  # points to a side of the image: two cameras are compared there (chosen)
 MOST_CAMERA_STEPS = 20  # of Gauss and Newton: a camera that needs more is not expressed (chosen)
 # parameters that a program has no place for, by its format and whether the camera is a fisheye
 NOT_HELD: dict[tuple[str, bool], tuple[str, ...]]
@@ -78,8 +79,8 @@ def write_cameras(
         )
     notes: list[str] = []
     ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
-    given = covariances or [None] * len(cameras)
-    written = [None if c.backward else P for c, P in zip(cameras, given, strict=True)]
+    stated = covariances or [None] * len(cameras)
+    written = [None if c.backward else P for c, P in zip(cameras, stated, strict=True)]
     atomic_write(path, CAMERA_FORMS[form](ready, written))
     return tuple(notes)
 
@@ -280,8 +281,8 @@ def _colmap(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
     for k, (camera, P) in enumerate(zip(cameras, covariances, strict=True), start=1):
         if P is not None:
             names, sigma, rho = _opencv_covariance(camera, P)
-            words = ", ".join(f"{name} {s:.6g}" for name, s in zip(names, sigma, strict=True))
-            rows.append(f"# sigmas of camera {k}: {words}")
+            sigmas = ", ".join(f"{name} {s:.6g}" for name, s in zip(names, sigma, strict=True))
+            rows.append(f"# sigmas of camera {k}: {sigmas}")
             rows += [
                 f"# correlations of {name}: {' '.join(f'{x:+.4f}' for x in row)}"
                 for name, row in zip(names, rho, strict=True)

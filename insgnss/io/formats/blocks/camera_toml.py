@@ -54,13 +54,13 @@ def read_camera_toml(path: Source) -> BrownCamera:
     backward = model == "backward"
     width, height = _whole(table, "width"), _whole(table, "height")
     f = _positive(table, "f")
-    rest = [
+    further = [
         table.number(name, ..., -LARGEST_PX, LARGEST_PX)
         if name in ("cx", "cy")
         else table.number(name, 0.0)
         for name in INTERIOR[1:]
     ]
-    interior = np.array([f, *rest])
+    interior = np.array([f, *further])
     if table.choice("pixel_origin", PIXEL_ORIGINS, PIXEL_ORIGINS[0]) == "centre":
         interior[1:3] += 0.5
     if not backward and "unit_px" in table.data:
@@ -104,12 +104,12 @@ def read_camera_covariance(path: Source) -> InteriorCovariance | None:
     table = read_toml(Path(path), CAMERA_KEYS)
     if "sigma" not in table.data:
         return None
-    given = table.table("sigma")
-    names = tuple(name for name in INTERIOR if name in given.data)
-    sigma = np.array([given.number(name, ..., -LARGEST_PX, LARGEST_PX) for name in names])
+    sigmas = table.table("sigma")
+    names = tuple(name for name in INTERIOR if name in sigmas.data)
+    sigma = np.array([sigmas.number(name, ..., -LARGEST_PX, LARGEST_PX) for name in names])
     for name, value in zip(names, sigma, strict=True):
         if not value > 0.0:
-            raise given.error(name, f"{value:g}; a standard deviation must be greater than zero")
+            raise sigmas.error(name, f"{value:g}; a standard deviation must be greater than zero")
     rows = table.value("correlations", list, np.eye(len(names)).tolist())
     try:
         rho = array_of(rows, (len(names),) * 2)

@@ -18,7 +18,7 @@ from ....records.block import Array, BrownCamera
 from ..bundle.camera import (
     BROWN_NAMES,
     FISHEYE_NAMES,
-    NAMES,
+    PARAMETER_NAMES,
     ColmapCamera,
     brown_camera,
     of_opencv,
@@ -84,10 +84,10 @@ def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock
             pose = image.cam_from_world()
             C_mc[k] = pose.rotation.matrix().T
             position[k] = -C_mc[k] @ pose.translation
-        seen = image.get_observation_points2D()
-        image_row += [k] * len(seen)
-        point += [str(p.point3D_id) for p in seen]
-        uv += [p.xy for p in seen]
+        measured_points = image.get_observation_points2D()
+        image_row += [k] * len(measured_points)
+        point += [str(p.point3D_id) for p in measured_points]
+        uv += [p.xy for p in measured_points]
     measured, notes = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
     camera = np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64)
     return MeasuredBlock(tuple(cameras), camera, measured, position, C_mc, notes=notes)
@@ -163,34 +163,34 @@ def _refuse_text(directory: Path) -> None:
         for line, text in enumerate(lines_of(decode(data)), start=1):
             if not below and (not text.strip() or text.lstrip().startswith("#")):
                 continue
-            words = text.split() if below or name == "cameras.txt" else text.split(maxsplit=9)
+            fields = text.split() if below or name == "cameras.txt" else text.split(maxsplit=9)
             if below:
-                good = len(words) % 3 == 0 and _spells_numbers(text, words)
+                good = len(fields) % 3 == 0 and _spells_numbers(text, fields)
             elif name == "images.txt":
-                good = len(words) == 10 and not np.isnan([*map(finite, words[:9])]).any()
-                good = good and words[0].isdigit() and words[8].isdigit()
+                good = len(fields) == 10 and not np.isnan([*map(finite, fields[:9])]).any()
+                good = good and fields[0].isdigit() and fields[8].isdigit()
             else:
-                names = NAMES.get(words[1] if len(words) > 1 else "")
-                count = len(words) - 4 if names is None else len(names)
-                values = [finite(word) for word in (*words[:1], *words[2:])]
-                good = len(words) == 4 + max(0, count) and not np.isnan(values).any()
-                good = good and all(words[k].isdigit() for k in (0, 2, 3))
+                names = PARAMETER_NAMES.get(fields[1] if len(fields) > 1 else "")
+                count = len(fields) - 4 if names is None else len(names)
+                values = [finite(word) for word in (*fields[:1], *fields[2:])]
+                good = len(fields) == 4 + max(0, count) and not np.isnan(values).any()
+                good = good and all(fields[k].isdigit() for k in (0, 2, 3))
             below = name == "images.txt" and not below
             if not good:
                 problem = f"{shown(text)}: a field is missing or is no number"
                 raise InputError.at_line(path, line, f"{problem}; {PLAIN}")
 
 
-def _spells_numbers(text: str, words: list[str]) -> bool:
+def _spells_numbers(text: str, fields: list[str]) -> bool:
     """Whether all words of a line are numbers, by `float`, which is quick, and their signs.
 
     Each third is the whole number of a point.
     """
     try:
-        values, _ = [*map(float, words)], [*map(int, words[2::3])]
+        values, _ = [*map(float, fields)], [*map(int, fields[2::3])]
     except ValueError:
         return False
-    pairs = zip(words, values, strict=True) if 0.0 in values else ()
+    pairs = zip(fields, values, strict=True) if 0.0 in values else ()
     zeros = all(spells_zero(word) for word, x in pairs if x == 0.0)
     return zeros and set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST_UNIT
 

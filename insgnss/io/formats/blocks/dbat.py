@@ -11,6 +11,8 @@ differs by 1e-5 of sigma_0 on DBAT's own demonstration).
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -37,7 +39,8 @@ IMAGE_FIELDS, IMAGE_POINT_FIELDS, POSITION, OPK_WORDS = (
 )
 SIGMA_FIELDS = {"sxyz": (0, 1, 2), "sxy": (0, 1), "sx": (0,), "sy": (1,), "sz": (2,)}
 """Columns and attributes of standard deviations with the coordinates that they are of."""
-FIXED_M = 1e-6  # standard deviation of a ground point without one, which DBAT holds
+# standard deviation (m) of a ground point without one: DBAT holds it, 1 um does the same
+FIXED_M = 1e-6
 MOST_OF_ONE_KIND = 5  # zeros that stand for a missing K or P: one more than can be, to be refused
 DEFAULT_SETTINGS = {"cc": "", "pp": "default", "aspect": "1", "skew": "0", "K": "", "P": ""}
 """Elements of <camera> that may lack, or be 'default'; cc is <focal> then, K and P are zeros."""
@@ -61,6 +64,39 @@ ESTIMATED = {  # elements of <io>, and the parameters that they switch
 }
 
 
+@dataclass(frozen=True)
+class _Document:
+    """A script or a camera file of DBAT."""
+
+    path: Path
+    root: Element
+
+    @classmethod
+    def opened(cls, path: Path, version: str) -> "_Document":
+        """Open a document, whose root carries an attribute with its version."""
+        of = cls(path, read_xml(path))
+        if of.root.tag != "document" or version not in of.root.attrib:
+            raise of.error(f"no <document {version}=...>; this is another kind of XML file")
+        return of
+
+    def error(self, problem: str) -> InputError:
+        """Return the refusal of the document."""
+        return InputError.in_file(self.path, problem)
+
+    @cached_property
+    def inputs(self) -> Element:
+        """The element that names the tables."""
+        element = self.root.find(".//input")
+        if element is None:
+            raise self.error("no element <input>; the script is not complete")
+        return element
+
+    def beside(self, element: Element) -> Path:
+        """Return the file that an element names."""
+        base = (self.inputs.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
+        return self.path.parent / base / text_of(element)
+
+
 def read_dbat(path: Source) -> ImageBlock:
     """Read a script of DBAT and the tables that it names.
 
@@ -80,21 +116,17 @@ def read_dbat(path: Source) -> ImageBlock:
     InputError
         The script or a table is not as data_specs/dbat.md has it.
     """
-    path = Path(path)
-    root = _parsed(path, "dbat_script_version")
-    inputs = _one(path, root, "input")
-    base = path.parent / (inputs.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
-    cameras = _cameras(path, base, inputs, root)
+    script = _Document.opened(Path(path), "dbat_script_version")
+    cameras = _cameras(script)
     if len(cameras) != 1:
-        raise InputError.in_file(
-            path,
-            f"{len(cameras)} cameras; only scripts of one camera can be read: split the script",
+        raise script.error(
+            f"{len(cameras)} cameras; only scripts of one camera can be read: split the script"
         )
-    ids, names = _images(path, base, inputs)
+    ids, names = _images(script)
     order = {number: row for row, number in enumerate(ids)}
-    position, C_mc = _prior(path, base, inputs, order)
-    measurements = list(_image_points(path, base, inputs, order))
-    control, check = (_ground(path, base, inputs, kind) for kind in ("ctrl_pts", "check_pts"))
+    position, C_mc = _prior(script, order)
+    measurements = list(_image_points(script, order))
+    control, check = (_ground(script, kind) for kind in ("ctrl_pts", "check_pts"))
     every = [points for _, points, _, _ in measurements] + [control[0], check[0]]
     points, row = np.unique(np.concatenate(every), return_inverse=True)
     rows = np.split(row, np.cumsum([len(x) for x in every])[:-1])
@@ -104,7 +136,7 @@ def read_dbat(path: Source) -> ImageBlock:
         camera=np.zeros(len(ids), dtype=np.int64),
         position_m=position,
         C_mc=C_mc,
-        held=_held(path, root, position),
+        held=_held(script, position),
         points=tuple(str(p) for p in points),
         observations=Observations(
             np.concatenate([image for image, *_ in measurements]),
@@ -117,55 +149,33 @@ def read_dbat(path: Source) -> ImageBlock:
     )
 
 
-def _parsed(path: Path, version: str) -> Element:
-    """Return the root of a document of DBAT, which carries an attribute with its version."""
-    root = read_xml(path)
-    if root.tag != "document" or version not in root.attrib:
-        raise InputError.in_file(
-            path, f"no <document {version}=...>; this is another kind of XML file"
-        )
-    return root
-
-
-def _one(path: Path, parent: Element, name: str) -> Element:
-    """Return the element of that name below `parent`, at any depth."""
-    element = parent.find(f".//{name}")
-    if element is None:
-        raise InputError.in_file(path, f"no element <{name}>; the script is not complete")
-    return element
-
-
-def _numbers(path: Path, text: str | None, name: str, count: int | None = None) -> Array:
+def _numbers(script: _Document, text: str | None, name: str, count: int | None = None) -> Array:
     """Return the numbers of a text with commas between them, of which there are `count`."""
     values = np.array([finite(word) for word in (text or "").split(",")])
     if (count is not None and values.size != count) or np.isnan(values).any():
-        raise InputError.in_file(
-            path,
+        raise script.error(
             f"<{name}>: {shown(text)} is not {count or 'a list of'} numbers; {PLAIN}, with commas"
-            " between several",
+            " between several"
         )
     return values
 
 
 def _tables(
-    path: Path,
-    base: Path,
-    inputs: Element,
+    script: _Document,
     name: str,
     required: str,
     read: Callable[[Path], NumberTable | TextTable] = read_table,
 ) -> Iterator[tuple[NamedTable, Element, Element]]:
     """Yield the tables of one kind, each with the element <file> that names it and its parent."""
-    for parent in inputs.findall(name):
+    for parent in script.inputs.findall(name):
         for element in parent.findall("file"):
             columns = [c.strip() for c in (element.get("format") or "").split(",")]
             if missing := [c for c in required.split() if c not in columns]:
-                raise InputError.in_file(
-                    path,
+                raise script.error(
                     f"<{name}> {text_of(element)}: format {','.join(columns)!r} has no column"
-                    f" {', '.join(missing)}; {near(missing[0], columns)}",
+                    f" {', '.join(missing)}; {near(missing[0], columns)}"
                 )
-            table = read(base / text_of(element))
+            table = read(script.beside(element))
             if table.layout.n_fields != len(columns):
                 raise InputError.at_line(
                     table.path,
@@ -177,19 +187,17 @@ def _tables(
             yield NamedTable(TableSpec.exactly(required), table, index), element, parent
 
 
-def _images(path: Path, base: Path, inputs: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def _images(script: _Document) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Return numbers and names of the images, in the order of the table."""
     ids, names = [], []
-    for table, _, _ in _tables(path, base, inputs, "images", IMAGE_FIELDS, read_text_table):
+    for table, _, _ in _tables(script, "images", IMAGE_FIELDS, read_text_table):
         ids.append(whole_rows(table, table.floats("id"), "image"))
         names += [Path(name).name for name in table.strings("path")]
     if not ids:
-        raise InputError.in_file(path, "no <images> with a <file>; name the list of images")
+        raise script.error("no <images> with a <file>; name the list of images")
     every = np.concatenate(ids)
     if (twice := np.unique(every, return_counts=True))[1].max() > 1:
-        raise InputError.in_file(
-            path, f"image {twice[0][twice[1].argmax()]} is listed twice; number each once"
-        )
+        raise script.error(f"image {twice[0][twice[1].argmax()]} is listed twice; number each once")
     return every, tuple(names)
 
 
@@ -200,15 +208,13 @@ def _row_of(table: NamedTable, ids: NDArray[np.int64], order: dict[int, int]) ->
     return rows
 
 
-def _prior(path: Path, base: Path, inputs: Element, order: dict[int, int]) -> tuple[Array, Array]:
+def _prior(script: _Document, order: dict[int, int]) -> tuple[Array, Array]:
     """Return first values of position (n, 3), m, and C_mc (n, 3, 3); NaN of images without."""
     position, C_mc = np.full((len(order), 3), np.nan), np.full((len(order), 3, 3), np.nan)
-    for table, element, _ in _tables(path, base, inputs, "prior_eo", f"id {POSITION} {OPK_WORDS}"):
+    for table, element, _ in _tables(script, "prior_eo", f"id {POSITION} {OPK_WORDS}"):
         unit = element.get("units", "degrees")
         if unit not in RADIANS_OF:
-            raise InputError.in_file(
-                path, f"prior_eo: angles in {unit!r}; {near(unit, RADIANS_OF)}"
-            )
+            raise script.error(f"prior_eo: angles in {unit!r}; {near(unit, RADIANS_OF)}")
         rows = _row_of(table, whole_rows(table, table.floats("id"), "image"), order)
         position[rows] = table.block(POSITION)
         C_mc[rows] = rotation_from_opk(RADIANS_OF[unit] * table.block(OPK_WORDS)) @ CV_RUB
@@ -216,11 +222,11 @@ def _prior(path: Path, base: Path, inputs: Element, order: dict[int, int]) -> tu
 
 
 def _image_points(
-    path: Path, base: Path, inputs: Element, order: dict[int, int]
+    script: _Document, order: dict[int, int]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]]:
     """Yield image rows, point numbers, pixels and their standard deviations, table by table."""
     empty = True
-    for table, element, _ in _tables(path, base, inputs, "image_pts", IMAGE_POINT_FIELDS):
+    for table, element, _ in _tables(script, "image_pts", IMAGE_POINT_FIELDS):
         empty = False
         images = _row_of(table, whole_rows(table, table.floats("im"), "image"), order)
         points = whole_rows(table, table.floats("id"), "point")
@@ -234,11 +240,11 @@ def _image_points(
                 continue
             if np.isnan(number := finite(text)):
                 problem = f"{name}={text!r} is no number of pixels; {PLAIN}"
-                raise InputError.in_file(path, problem)
+                raise script.error(problem)
             sigma[:, SIGMA_FIELDS[name]] = number
         yield images, points, table.block("x y"), sigma
     if empty:
-        raise InputError.in_file(path, "no <image_pts> with a <file>; name the measurements")
+        raise script.error("no <image_pts> with a <file>; name the measurements")
 
 
 def _sigma(table: NamedTable, sigma: Array) -> Array:
@@ -249,23 +255,21 @@ def _sigma(table: NamedTable, sigma: Array) -> Array:
     return sigma
 
 
-def _ground(
-    path: Path, base: Path, inputs: Element, name: str
-) -> tuple[NDArray[np.int64], Array, Array]:
+def _ground(script: _Document, name: str) -> tuple[NDArray[np.int64], Array, Array]:
     """Return numbers (n,), coordinates (n, 3), m, and covariances (n, 3, 3) of ground points."""
     ids, position, sigma = [], [], []
-    for table, _, parent in _tables(path, base, inputs, name, f"id {POSITION}", read_text_table):
+    for table, _, parent in _tables(script, name, f"id {POSITION}", read_text_table):
         number = table.floats("id")
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
-            listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
+            listed = np.isin(number, _numbers(script, rule.get("id"), "filter"))
             if (action := text_of(rule)) not in ("keep", "remove"):
-                raise InputError.in_file(path, f"filter {action!r}; keep or remove")
+                raise script.error(f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
         ids.append(whole_rows(table, number, "point")[keep])
         position.append(table.block(POSITION)[keep])
-        own = _sigma(table, np.zeros((len(number), 3)))[keep]
-        sigma.append(np.where(own == 0.0, FIXED_M, own))
+        stated = _sigma(table, np.zeros((len(number), 3)))[keep]
+        sigma.append(np.where(stated == 0.0, FIXED_M, stated))
     if not ids:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))
     every = np.concatenate(sigma)
@@ -273,17 +277,17 @@ def _ground(
     return np.concatenate(ids), np.concatenate(position), cov
 
 
-def _cameras(path: Path, base: Path, inputs: Element, root: Element) -> tuple[BrownCamera, ...]:
+def _cameras(script: _Document) -> tuple[BrownCamera, ...]:
     """Return the cameras of the script, or of the file that it names."""
-    cameras, free, values = [], _free(path, root), _initial(root)
-    for parent in inputs.findall("cameras"):
+    cameras, free, values = [], _free(script), _initial(script.root)
+    for parent in script.inputs.findall("cameras"):
         for camera in parent.findall("camera"):
-            _set_initial(path, camera, values)
-            cameras.append(_camera(path, camera, free))
+            _set_initial(script, camera, values)
+            cameras.append(_camera(script, camera, free))
         for element in parent.findall("file"):
-            file = base / text_of(element)
-            for camera in _parsed(file, "dbat_camera_version").iter("camera"):
-                _set_initial(path, camera, values)
+            file = _Document.opened(script.beside(element), "dbat_camera_version")
+            for camera in file.root.iter("camera"):
+                _set_initial(script, camera, values)
                 cameras.append(_camera(file, camera, free))
     return tuple(cameras)
 
@@ -296,7 +300,7 @@ def _initial(root: Element) -> dict[str, str]:
     }
 
 
-def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
+def _set_initial(script: _Document, camera: Element, values: dict[str, str]) -> None:
     """Set numbers of a camera, and those that lack or are 'default' as DBAT does.
 
     InputError for other words.
@@ -328,61 +332,53 @@ def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
             problem = (
                 f"set_initial_values: <{key}> {shown(text)} is not given as a number in <camera>"
             )
-            raise InputError.in_file(
-                path, f"{problem}; write the number into <camera> and 'loaded' here"
-            )
+            raise script.error(f"{problem}; write the number into <camera> and 'loaded' here")
         element.text = text
 
 
-def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
+def _camera(script: _Document, camera: Element, free: dict[str, bool]) -> BrownCamera:
     """Return one camera; lengths in mm become pixels."""
 
     def of(key: str, count: int | None = None) -> Array:
-        return _numbers(path, camera.findtext(key), key, count)
+        return _numbers(script, camera.findtext(key), key, count)
 
     name = text_of(camera.find("name")) or text_of(camera.find("id")) or "1"
     model, unit = text_of(camera.find("model")), text_of(camera.find("unit"))
     if model != BACKWARD_MODEL or unit != "mm":
-        raise InputError.in_file(
-            path,
+        raise script.error(
             f"camera {name}: model {model!r} in {unit!r}; only {BACKWARD_MODEL} in mm can be read:"
-            " set DBAT's camera to it and adjust again",
+            " set DBAT's camera to it and adjust again"
         )
     width, height = of("image", 2)
     if not (
         width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
     ):
         problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
-        raise InputError.in_file(path, f"{problem}; correct it")
+        raise script.error(f"{problem}; correct it")
     sensor = [word.strip() for word in text_of(camera.find("sensor")).split(",")]
     size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
     if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
-        raise InputError.in_file(
-            path,
+        raise script.error(
             f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm;"
-            " correct it",
+            " correct it"
         )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's
-        apart = np.abs(size * per_mm - (width, height))
-    if not (apart[size > 0.0] <= 0.5).all():
-        raise InputError.in_file(
-            path, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
-        )
+        mismatch = np.abs(size * per_mm - (width, height))
+    if not (mismatch[size > 0.0] <= 0.5).all():
+        raise script.error(f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}")
     aspect, skew = of("aspect", 1)[0], of("skew", 1)[0]
     K, P = (of(key) if camera.find(key) is not None else np.zeros(0) for key in "KP")
     if K.size > 4 or P.size not in (0, 2):
-        raise InputError.in_file(
-            path,
+        raise script.error(
             f"camera {name}: {K.size} values in <K> and {P.size} in <P>; give at most 4 in <K> and"
-            " 2 (or none) in <P>",
+            " 2 (or none) in <P>"
         )
     for key, count in (("nK", K.size), ("nP", P.size)):  # K of decimal commas has more of them
         if (text := camera.findtext(key)) is not None and whole(text) != count:
-            raise InputError.in_file(
-                path,
+            raise script.error(
                 f"camera {name}: <{key}> {shown(text)}, but {count} coefficients are given; correct"
-                " it",
+                " it"
             )
     value = dict.fromkeys(INTERIOR, 0.0)
     value["f"] = per_mm * of("cc", 1)[0]
@@ -397,9 +393,9 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     return BrownCamera(name, int(width), int(height), interior, True, float(per_mm), tuple(taken))
 
 
-def _free(path: Path, root: Element) -> dict[str, bool]:
+def _free(script: _Document) -> dict[str, bool]:
     """Return which parameters of interior orientation the script estimates."""
-    wanted = root.find(".//set_bundle_estimate_params/io")
+    wanted = script.root.find(".//set_bundle_estimate_params/io")
     free = dict.fromkeys(INTERIOR, False)
     if wanted is None:
         return free
@@ -408,43 +404,39 @@ def _free(path: Path, root: Element) -> dict[str, bool]:
         on = {"true": True, "false": False}.get(text_of(rule))
         names = INTERIOR if rule.tag in ("all", "io") else ESTIMATED.get(rule.tag)
         if on is None or names is None:
-            raise InputError.in_file(
-                path,
+            raise script.error(
                 f"set_bundle_estimate_params: <{rule.tag}>{text_of(rule)}</{rule.tag}> is not"
-                f" understood; give true or false for all, {', '.join(ESTIMATED)}",
+                f" understood; give true or false for all, {', '.join(ESTIMATED)}"
             )
         free |= dict.fromkeys(names, on)
     return free
 
 
-def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
+def _held(script: _Document, position: Array) -> NDArray[np.bool_]:
     """Return which components of the poses the datum holds, (n, 6).
 
     "depend": the pose of one image, and of another the coordinate in which it is farthest from it.
     """
     held = np.zeros((len(position), 6), dtype=bool)
-    datum = root.find(".//set_datum")
+    datum = script.root.find(".//set_datum")
     if datum is None:
         return held
     text, first = datum.get("ref_cam", "1"), text_of(datum)
     base = datum.get("ref_base", "longest")
     if first != "depend" or not 0 < whole(text) <= len(position):
-        raise InputError.in_file(
-            path,
+        raise script.error(
             f"set_datum: {first!r} of camera {text!r} cannot be read; only 'depend' with the number"
-            " of an image can",
+            " of an image can"
         )
     reference = whole(text) - 1
-    apart = np.abs(position - position[reference])
-    if not np.isfinite(apart).all():
-        raise InputError.in_file(
-            path, "set_datum: 'depend' needs a prior orientation of every image; give prior_eo"
+    distance = np.abs(position - position[reference])
+    if not np.isfinite(distance).all():
+        raise script.error(
+            "set_datum: 'depend' needs a prior orientation of every image; give prior_eo"
         )
     if base != "longest":
         if not 0 < whole(base) <= len(position):
-            raise InputError.in_file(
-                path, f"set_datum: ref_base {base!r} is no image; name one of the block"
-            )
+            raise script.error(f"set_datum: ref_base {base!r} is no image; name one of the block")
         return minimal_datum(position, reference, whole(base) - 1)
     return minimal_datum(position, reference)
 
@@ -467,5 +459,5 @@ def read_dbat_cameras(path: Source) -> tuple[BrownCamera, ...]:
     InputError
         As `read_dbat`.
     """
-    root = read_xml(path)
-    return tuple(_camera(Path(path), camera, {}) for camera in root.iter("camera"))
+    of = _Document(Path(path), read_xml(path))
+    return tuple(_camera(of, camera, {}) for camera in of.root.iter("camera"))

@@ -73,19 +73,19 @@ def read_gcp_list(
     name_by_place: dict[tuple[float, ...], str] = {}
     place_by_name: dict[str, tuple[int, tuple[float, ...]]] = {}
     for line, row in rows[1:]:
-        words = row.split()
-        if len(words) < 6:
+        fields = row.split()
+        if len(fields) < 6:
             raise InputError.at_line(
                 path,
                 line,
-                f"{len(words)} fields: {shown(row.strip())}; a line holds x y z im_x im_y image",
+                f"{len(fields)} fields: {shown(row.strip())}; a line holds x y z im_x im_y image",
             )
-        x, y, z, u, v = (number_in(word, path, line) for word in words[:5])
-        here = (x, y, z)
-        unnamed = name_by_place.setdefault(here, f"GCP{len(name_by_place) + 1}")
-        name = words[6] if len(words) > 6 else unnamed
-        before, there = place_by_name.setdefault(name, (line, here))
-        if there != here:
+        x, y, z, u, v = (number_in(word, path, line) for word in fields[:5])
+        position = (x, y, z)
+        unnamed = name_by_place.setdefault(position, f"GCP{len(name_by_place) + 1}")
+        name = fields[6] if len(fields) > 6 else unnamed
+        before, known = place_by_name.setdefault(name, (line, position))
+        if known != position:
             raise InputError.at_line(
                 path,
                 line,
@@ -94,7 +94,7 @@ def read_gcp_list(
             )
         lines.append(line)
         uv.append((u + ORIGIN_PX, v + ORIGIN_PX))
-        image.append(words[5])
+        image.append(fields[5])
         names.append(name)
     check_once(path, lines, image, names)
     files = list(dict.fromkeys(image))
@@ -103,7 +103,7 @@ def read_gcp_list(
     n = len(points)
     ground = GroundTable(
         points,
-        np.array([there for _, there in place_by_name.values()]),
+        np.array([known for _, known in place_by_name.values()]),
         np.tile(np.diag(np.square(sigma_m)), (n, 1, 1)),
         np.zeros(n, dtype=bool),
     )
@@ -115,8 +115,8 @@ def read_gcp_list(
 def _refuse_cut(path: Source, rows: list[tuple[int, str]]) -> None:
     """Refuse a last line without end that has fewer fields than all others, or another name."""
     *earlier, (line, last) = [(line, row.split()) for line, row in rows[1:]]
-    counts = {len(words) for _, words in earlier}
-    names = {words[6] for _, words in earlier if words[:3] == last[:3] and len(words) > 6}
+    counts = {len(fields) for _, fields in earlier}
+    names = {fields[6] for _, fields in earlier if fields[:3] == last[:3] and len(fields) > 6}
     fewer = len(counts) == 1 and len(last) < counts.pop()
     if fewer or (names and (len(last) < 7 or last[6] not in names)):
         raise InputError.at_line(
@@ -151,13 +151,13 @@ def head_crs(path: Source, row: tuple[int, str]) -> str:
     from pyproj.exceptions import CRSError
 
     line, text = row[0], row[1].strip()
-    words = text.upper().split()
+    parts = text.upper().split()
     if not text.upper().startswith(CRS_WORDS):
         raise InputError.at_line(path, line, f"{shown(text)} is no CRS; {CRS_MISSING}")
-    if words == ["WGS84"]:
+    if parts == ["WGS84"]:
         return "EPSG:4326"
-    if words[:2] == ["WGS84", "UTM"] and len(words) == 3:
-        zone, south = words[2].rstrip("NS"), words[2].endswith("S")
+    if parts[:2] == ["WGS84", "UTM"] and len(parts) == 3:
+        zone, south = parts[2].rstrip("NS"), parts[2].endswith("S")
         if 1 <= whole(zone) <= 60:
             return f"EPSG:{(32700 if south else 32600) + whole(zone)}"
     try:
@@ -200,10 +200,10 @@ def write_gcp_list(measured: ImagePoints, ground: GroundTable, crs: str, path: S
     digits = 10 if is_geographic(crs) else 4
     # what the program reads is two-dimensional, heights behind it as they are
     code = "EPSG:4326" if crs == "EPSG:4979" else crs
-    seen = measured.observations
+    obs = measured.observations
     rows = []
     for i, p, (u, v) in zip(
-        seen.image.tolist(), seen.point.tolist(), (seen.uv - ORIGIN_PX).tolist(), strict=True
+        obs.image.tolist(), obs.point.tolist(), (obs.uv - ORIGIN_PX).tolist(), strict=True
     ):
         if (row := row_by_name.get(measured.points[p])) is not None:
             x, y, z = ground.position_m[row]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ....base.errors import UsageError, near
 from ....base.units import METRE
-from ....geodesy.crs import geodetic_from_geographic, is_geographic
+from ....geodesy.crs import is_geographic
+from ....geodesy.datums import geodetic_from_geographic
 from ....geodesy.frames import TangentPlane
 from ....geodesy.projection import MapProjection
 from ....records.block import UNKNOWN_M

@@ -89,8 +89,8 @@ def read_image_points(
     """
     positive_sigma(sigma_px, "image points")
     table = SPEC.read(path, columns)
-    both = ("sigma_x" in table, "sigma_y" in table)
-    if any(both) and (not all(both) or "sigma" in table):
+    sigma_columns = ("sigma_x" in table, "sigma_y" in table)
+    if any(sigma_columns) and (not all(sigma_columns) or "sigma" in table):
         raise table.error_at(
             0, "the columns of standard deviations are sigma alone, or sigma_x and sigma_y; choose"
         )
@@ -104,7 +104,7 @@ def read_image_points(
     table.refuse_repeats(measured_twice, image, point)
     uv = table.block("x y")
     sigma = np.full_like(uv, sigma_px)
-    if "sigma" in table or all(both):
+    if "sigma" in table or all(sigma_columns):
         sigma[:] = table.positive("sigma" if "sigma" in table else "sigma_x sigma_y", "px")
     correlation = table.floats("correlation") if "correlation" in table else np.zeros(len(uv))
     message = "correlation {:g}; it must be between -1 and 1"
@@ -118,7 +118,7 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
     Parameters
     ----------
     measured : ImagePoints
-        The observations.
+        The image observations.
     path : path
         The file, written whole or not at all.
 
@@ -131,17 +131,17 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
     """
     images = quoted_names(measured.images, ",")
     points = quoted_names(measured.points, ",", "point")
-    seen = measured.observations
-    correlated = bool(seen.correlation.any())
-    equal = not correlated and bool((seen.sigma_px[:, 0] == seen.sigma_px[:, 1]).all())
-    sigma = seen.sigma_px[:, :1] if equal else seen.sigma_px
+    marks = measured.observations
+    correlated = bool(marks.correlation.any())
+    equal = not correlated and bool((marks.sigma_px[:, 0] == marks.sigma_px[:, 1]).all())
+    sigma = marks.sigma_px[:, :1] if equal else marks.sigma_px
     out = OUT.with_columns("sigma=%.6g" if equal else "sigma_x=%.6g sigma_y=%.6g")
     if correlated:
         out = out.with_columns("correlation=%.5f")
-        sigma = np.column_stack([sigma, seen.correlation])
-    names = [images[i] for i in seen.image], [points[p] for p in seen.point]
+        sigma = np.column_stack([sigma, marks.correlation])
+    names = [images[i] for i in marks.image], [points[p] for p in marks.point]
     comment = f"image observations: {PIXEL_ORIGIN}"
-    out.write(path, np.hstack([seen.uv, sigma]), *names, comments=(comment,))
+    out.write(path, np.hstack([marks.uv, sigma]), *names, comments=(comment,))
 
 
 def positive_sigma(sigma_px: float, who: str) -> None:

@@ -102,8 +102,8 @@ def joined(
             eo.images,
             "image of the image observations is in the orientation",
         )
-        there = row >= 0
-        position[there], C_mc[there] = eo.position_m[row[there]], eo.C_mc[row[there]]
+        oriented = row >= 0
+        position[oriented], C_mc[oriented] = eo.position_m[row[oriented]], eo.C_mc[row[oriented]]
     control, check = _ground(measured, ground)
     block = ImageBlock(
         cameras=source.cameras,
@@ -120,7 +120,7 @@ def joined(
     return JoinedBlock(block, row, source.position_m, source.C_mc, source.held)
 
 
-def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
+def matched(names: Sequence[str], choices: Sequence[str]) -> NDArray[np.int64]:
     """Return the row of each name among other names.
 
     Parameters
@@ -139,23 +139,23 @@ def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
     InputError
         Two names that would stand for one image.
     """
-    exact = {name: k for k, name in enumerate(others)}
+    exact = {name: k for k, name in enumerate(choices)}
     by_stem: dict[str, list[int]] = {}
-    for k, name in enumerate(others):
+    for k, name in enumerate(choices):
         by_stem.setdefault(_stem(name), []).append(k)
     rows = np.full(len(names), -1, dtype=np.int64)
     for i, name in enumerate(names):
         candidates = by_stem.get(_stem(name), [])
         if len(candidates) > 1:
             parts = _parts(name)
-            candidates = [k for k in candidates if _one_ends_the_other(parts, _parts(others[k]))]
+            candidates = [k for k in candidates if _one_ends_the_other(parts, _parts(choices[k]))]
         rows[i] = exact.get(name, candidates[0] if len(candidates) == 1 else -1)
     taken = rows[rows >= 0]
     if np.unique(taken).size < taken.size:
         twice = int(taken[np.argmax(np.bincount(taken)[taken] > 1)])
         same = [names[i] for i in np.flatnonzero(rows == twice)[:2]]
         raise InputError(
-            f"images {same[0]!r} and {same[1]!r} both match the name {others[twice]!r}; rename one"
+            f"images {same[0]!r} and {same[1]!r} both match the name {choices[twice]!r}; rename one"
         )
     return rows
 
@@ -176,8 +176,8 @@ def _stem(name: str) -> str:
 
 def _observed(source: MeasuredBlock) -> MeasuredBlock:
     """Return the block without images in which nothing was measured."""
-    seen = source.measured.observations
-    keep = np.unique(seen.image)
+    every = source.measured.observations
+    keep = np.unique(every.image)
     if keep.size == 0:
         raise InputError("no image observation at all; give a table or project that has some")
     if keep.size == len(source.measured.images):
@@ -185,7 +185,7 @@ def _observed(source: MeasuredBlock) -> MeasuredBlock:
     new = np.full(len(source.measured.images), -1, dtype=np.int64)
     new[keep] = np.arange(keep.size)
     images = tuple(source.measured.images[k] for k in keep)
-    observations = replace(seen, image=new[seen.image])
+    observations = replace(every, image=new[every.image])
     return replace(
         source,
         camera=source.camera[keep],
@@ -198,8 +198,8 @@ def _observed(source: MeasuredBlock) -> MeasuredBlock:
 
 def _with_oriented(source: MeasuredBlock, eo: ExteriorOrientation) -> MeasuredBlock:
     """Return the block with the images that only the orientation has."""
-    own = matched(source.measured.images, eo.images)
-    missing = np.setdiff1d(np.arange(len(eo.images)), own)
+    oriented = matched(source.measured.images, eo.images)
+    missing = np.setdiff1d(np.arange(len(eo.images)), oriented)
     names = tuple(eo.images[k] for k in missing)
     position, C_mc = no_poses(missing.size)
     return replace(
@@ -231,12 +231,12 @@ def _ground(measured: ImagePoints, ground: GroundTable | None) -> tuple[GroundPo
     return some((point >= 0) & ~ground.check), some((point >= 0) & ground.check)
 
 
-def _some(matches: int, names: Sequence[str], others: Sequence[str], missing: str) -> None:
+def _some(matches: int, names: Sequence[str], choices: Sequence[str], missing: str) -> None:
     """Refuse tables that have no name in common."""
     if matches == 0:
-        close = near(names[0], list(others)[:200])
+        close = near(names[0], list(choices)[:200])
         if not close.startswith("did"):
-            close = f"there are {', '.join(map(repr, list(others)[:3]))} ..."
+            close = f"there are {', '.join(map(repr, list(choices)[:3]))} ..."
         raise InputError(
             f"no {missing}: {names[0]!r} is missing; {close}{'' if close.endswith('?') else ';'}"
             " both files must use the same names"
@@ -247,24 +247,24 @@ def _within(
     measured: ImagePoints, cameras: Sequence[BrownCamera], camera: NDArray[np.int64]
 ) -> None:
     """Refuse observations beside the image: other units, another origin, another camera."""
-    seen: ImageObservations = measured.observations
+    marks: ImageObservations = measured.observations
     size: Array = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
-    limit: Array = size[camera[seen.image]]
-    beside = np.maximum(-seen.uv, seen.uv - limit).max(axis=1)
+    limit: Array = size[camera[marks.image]]
+    beside = np.maximum(-marks.uv, marks.uv - limit).max(axis=1)
     out = beside > BESIDE_PX
     if out.any():
         row = int(np.argmax(out))
-        u, v = seen.uv[row]
+        u, v = marks.uv[row]
         width, height = limit[row]
         raise InputError(
-            f"image {measured.images[seen.image[row]]!r}, point"
-            f" {measured.points[seen.point[row]]!r}: pixel ({u:.1f}, {v:.1f}) lies outside the"
+            f"image {measured.images[marks.image[row]]!r}, point"
+            f" {measured.points[marks.point[row]]!r}: pixel ({u:.1f}, {v:.1f}) lies outside the"
             f" image of {width:.0f} x {height:.0f} pixels ({int(out.sum())} of {len(out)} do);"
-            f" {_within_as(seen.uv, limit)}give pixels from the image's upper left corner, x right"
+            f" {_within_as(marks.uv, limit)}give pixels from the image's upper left corner, x right"
             " and y down"
         )
     if len(out) >= MANY:
-        _spread(seen.uv, limit)
+        _spread(marks.uv, limit)
 
 
 def _within_as(uv: Array, size: Array) -> str:
@@ -276,13 +276,13 @@ def _within_as(uv: Array, size: Array) -> str:
             " coordinates from the middle of the image would; "
         )
     up = np.array([1.0, -1.0])
-    for text, other in (
+    for text, corrected in (
         ("x and y were exchanged, or images or camera file turned by 90 deg", uv[:, ::-1]),
         ("they counted from the middle of the image", uv + 0.5 * size),
         ("they counted from the middle of the image, y upwards", uv * up + 0.5 * size),
         ("y counted upwards from below it", uv * up),
     ):
-        if not ((other < -BESIDE_PX) | (other > size + BESIDE_PX)).any():
+        if not ((corrected < -BESIDE_PX) | (corrected > size + BESIDE_PX)).any():
             return f"all of them lie within as if {text}; "
     for times in (0.5, 0.25):
         if not (uv * times > size + BESIDE_PX).any() and (uv > -BESIDE_PX).all():
@@ -296,16 +296,16 @@ def _within_as(uv: Array, size: Array) -> str:
 def _spread(uv: Array, size: Array) -> None:
     """Refuse many observations that all lie in one corner: other units, another camera."""
     low, high = uv.min(axis=0), uv.max(axis=0)
-    words = (
+    finding = (
         f"all {len(uv)} image observations lie within x {low[0]:.4g} to {high[0]:.4g} and y"
         f" {low[1]:.4g} to {high[1]:.4g} of images of {size[0, 0]:.0f} x {size[0, 1]:.0f} pixels"
     )
     if (high - low < CORNER * size.min(axis=0)).all():
         raise InputError(
-            f"{words}; they look like millimetres or normalised coordinates: give pixels"
+            f"{finding}; they look like millimetres or normalised coordinates: give pixels"
         )
     if (high < QUARTER_TURN_SHARE * size.min(axis=0)).all():
         raise InputError(
-            f"{words}, its upper left quarter; the camera file is of other images (of twice the"
+            f"{finding}, its upper left quarter; the camera file is of other images (of twice the"
             " size, or of another camera): give f, cx, cy, width and height in pixels of these"
         )

@@ -144,7 +144,7 @@ def no_poses(n: int) -> tuple[Array, Array]:
     return np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
 
 
-def file_names(given: Sequence[str], path: object) -> tuple[str, ...]:
+def file_names(paths: Sequence[str], path: object) -> tuple[str, ...]:
     """Return the names of images as an exterior orientation has them: those of their files.
 
     Parameters
@@ -164,9 +164,9 @@ def file_names(given: Sequence[str], path: object) -> tuple[str, ...]:
     InputError
         An image that is there twice.
     """
-    names = tuple(PurePath(name.replace("\\", "/")).name for name in given)
+    names = tuple(PurePath(name.replace("\\", "/")).name for name in paths)
     if len(set(names)) < len(names):
-        names = tuple(given)
+        names = tuple(paths)
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
         raise InputError.in_file(
@@ -253,5 +253,5 @@ def image_points(
         )
     sigma = np.repeat(np.asarray(sigma_px, dtype=np.float64).reshape(-1, 1), 2, axis=1)
     pixels = np.asarray(uv, dtype=np.float64).reshape(-1, 2)
-    seen = ImageObservations(image_row[keep], rows[keep], pixels[keep], sigma[keep])
-    return ImagePoints(tuple(images), points, seen), notes
+    observations = ImageObservations(image_row[keep], rows[keep], pixels[keep], sigma[keep])
+    return ImagePoints(tuple(images), points, observations), notes

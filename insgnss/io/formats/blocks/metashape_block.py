@@ -40,7 +40,7 @@ from .metashape_chunk import (
 from .metashape_project import Element, ProjectFile, read_ply
 
 CALIBRATION = re.compile(rb"\s*(<\?xml[^>]*>\s*)?<calibration\b")  # a file of one camera alone
-MARKER_M = 0.005  # accuracy of markers where the project states none (m)
+MARKER_M = 0.005  # accuracy of markers (m) where the project states none: Metashape's default
 
 
 def read_metashape_block(

@@ -23,7 +23,8 @@ from .ground_points import GroundTable
 from .measured_block import file_names, no_poses
 from .metashape_project import Element, ProjectFile, opened_project
 
-CAMERA_M = 10.0  # accuracy of reference coordinates of images where the project states none (m)
+# accuracy of image references (m) where the project states none: Metashape's default
+CAMERA_M = 10.0
 BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 
@@ -99,8 +100,8 @@ class Chunk:
 
     def crs(self, kind: str = "") -> str:
         """CRS of the chunk, or of "camera" or "marker" references; empty where it has none."""
-        own = text_of(self.element.find(f"{kind}_reference")) if kind else ""
-        return own or text_of(self.element.find("reference"))
+        stated = text_of(self.element.find(f"{kind}_reference")) if kind else ""
+        return stated or text_of(self.element.find("reference"))
 
     def names(self, images: Sequence[Element]) -> tuple[str, ...]:
         """Names of images: their labels; of those with one label, behind that of their sensor.
@@ -180,11 +181,11 @@ def chunk_poses(of: Chunk, images: Sequence[Element], notes: list[str]) -> Chunk
     posed = list(transform)
     component = [transform[k][1] for k in posed]
     whole = _similarity(of.source, of.element)
-    own = {c.get("id"): _similarity(of.source, c) for c in of.all("components", "component")}
+    parts = {c.get("id"): _similarity(of.source, c) for c in of.all("components", "component")}
     parent = of.element.find("components")
     active = None if parent is None else parent.get("active_id")
     similar = {
-        number: own.get(number) or (whole if number in (None, active) or len(own) < 2 else None)
+        number: parts.get(number) or (whole if number in (None, active) or len(parts) < 2 else None)
         for number in dict.fromkeys(component)
     }
     local = not any(similar.values())
@@ -204,9 +205,9 @@ def chunk_poses(of: Chunk, images: Sequence[Element], notes: list[str]) -> Chunk
             if (element := images[k].find(f"{key}_covariance")) is not None:
                 description = f"{key} covariance of image {images[k].get('label')}"
                 cov[k] = A @ _numbers(of.source, element, 9, description).reshape(3, 3) @ A.T
-    if apart := int(np.isnan(position[posed, 0]).sum()):
+    if loose := int(np.isnan(position[posed, 0]).sum()):
         notes.append(
-            f"{apart} poses left out: they belong to components that are not connected to the block"
+            f"{loose} poses left out: they belong to components that are not connected to the block"
         )
     return ChunkPoses(position, C_mc, covariances[0], covariances[1], local)
 
@@ -243,8 +244,8 @@ def _camera_to_chunk(source: ProjectFile, image: Element) -> Array:
     assert transform is not None
     description = f"transform of image {image.get('label')}"
     T = _numbers(source, transform, 16, description).reshape(4, 4)
-    off = max(np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max(), np.abs(T[3] - np.eye(4)[3]).max())
-    if off > 1e-6 or np.linalg.det(T[:3, :3]) < 0.0:
+    e = max(np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max(), np.abs(T[3] - np.eye(4)[3]).max())
+    if e > 1e-6 or np.linalg.det(T[:3, :3]) < 0.0:
         raise source.error(f"{description}: is no rotation; export the cameras again")
     return T
 
@@ -320,23 +321,23 @@ def flag(source: ProjectFile, element: Element, key: str) -> bool:
 
 
 def _numbers(source: ProjectFile, element: Element, count: int, description: str) -> Array:
-    words = text_of(element).split()
-    if len(words) != count:
-        raise source.error(f"{description}: {len(words)} numbers, expected {count}")
-    return np.array([number_of(source, word, description) for word in words])
+    fields = text_of(element).split()
+    if len(fields) != count:
+        raise source.error(f"{description}: {len(fields)} numbers, expected {count}")
+    return np.array([number_of(source, word, description) for word in fields])
 
 
 def chunk_of(root: Element, source: ProjectFile, wanted: str | None) -> Chunk:
     """Return the chunk that is asked for, or the only one with cameras or markers."""
-    given = [root] if root.tag == "chunk" else list(root.iter("chunk"))
-    if root.tag not in ("document", "chunk") or not given:
+    elements = [root] if root.tag == "chunk" else list(root.iter("chunk"))
+    if root.tag not in ("document", "chunk") or not elements:
         raise source.error(
             "no <document> with a <chunk>; give a .psx, .psz or an exported XML file"
         )
-    opened = [source.opened(element) for element in given]
+    opened = [source.opened(element) for element in elements]
     chunks = [
         (element.get("label") or outer.get("id") or "", outer.get("id"), element, where)
-        for outer, (element, where) in zip(given, opened, strict=True)
+        for outer, (element, where) in zip(elements, opened, strict=True)
     ]
     if wanted is not None:
         chosen = [row for row in chunks if wanted in row[:2]]

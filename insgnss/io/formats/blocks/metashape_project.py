@@ -192,12 +192,12 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
     """
     data = source.member(name)
     head, end, body = data.partition(b"end_header\n")
-    words = [line.split() for line in lines_of(decode(head))]
-    form = next((line[1] for line in words if line[:1] == ["format"] and len(line) > 1), "")
-    elements = [line for line in words if line[:1] == ["element"]]
-    if not end or words[:1] != [["ply"]] or form != "binary_little_endian" or not elements:
+    rows = [line.split() for line in lines_of(decode(head))]
+    form = next((line[1] for line in rows if line[:1] == ["format"] and len(line) > 1), "")
+    elements = [line for line in rows if line[:1] == ["element"]]
+    if not end or rows[:1] != [["ply"]] or form != "binary_little_endian" or not elements:
         raise source.error(f"{name}: is no binary little-endian PLY ({shown(form)}); save it again")
-    columns = [line[1:] for line in words if line[:1] == ["property"]]
+    columns = [line[1:] for line in rows if line[:1] == ["property"]]
     if len(elements) > 1 or any(len(c) != 2 or c[0] not in _TYPES for c in columns):
         raise source.error(f"{name}: holds more than a table of vertices; save the project again")
     if missing := [column for column in needed if column not in {c[1] for c in columns}]:

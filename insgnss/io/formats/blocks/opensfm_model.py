@@ -32,8 +32,8 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
 TRACKS_VERSION = "OPENSFM_TRACKS_VERSION_v"
 TRACK_FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
-FISHEYE = ("fisheye", "fisheye_opencv")
-OPENSFM_MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE)
+FISHEYE_MODELS = ("fisheye", "fisheye_opencv")
+OPENSFM_MODELS = ("perspective", "brown", "radial", "simple_radial", *FISHEYE_MODELS)
 
 
 def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
@@ -250,11 +250,14 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
         value("focal" if model in ("perspective", "fisheye") else key, None)
         for key in ("focal_x", "focal_y")
     ]
-    fisheye = model in FISHEYE
-    own = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
-    own |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}
-    own |= {"cx": 0.5 * width + size * value("c_x"), "cy": 0.5 * height + size * value("c_y")}
-    return brown_camera(name, width, height, of_opencv(own), fisheye)
+    fisheye = model in FISHEYE_MODELS
+    terms = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
+    terms |= {"fx": size * fx, "fy": size * fy, "b1": size * (fx - fy)}
+    terms |= {
+        "cx": 0.5 * width + size * value("c_x"),
+        "cy": 0.5 * height + size * value("c_y"),
+    }
+    return brown_camera(name, width, height, of_opencv(terms), fisheye)
 
 
 def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:
@@ -297,15 +300,15 @@ def _tracks(
     for line, text in enumerate(lines[first:], start=first + 1):
         if not text.strip():
             continue
-        words = text.split("\t")
-        check_fields(file, line, words, TRACK_FIELDS[version], text)
-        row = row_by_image.get(words[0])
-        if row is None or (wanted and words[1] not in wanted):
+        fields = text.split("\t")
+        check_fields(file, line, fields, TRACK_FIELDS[version], text)
+        row = row_by_image.get(fields[0])
+        if row is None or (wanted and fields[1] not in wanted):
             continue
         image_row.append(row)
-        point.append(words[1])
-        xy.append([number_in(word, file, line) for word in words[3:5]])
-        scale.append(number_in(words[5], file, line) if version else 1.0)
+        point.append(fields[1])
+        xy.append([number_in(word, file, line) for word in fields[3:5]])
+        scale.append(number_in(fields[5], file, line) if version else 1.0)
         if scale[-1] < 0.0:
             raise InputError.at_line(file, line, f"scale {scale[-1]:g}; it must not be negative")
     if not image_row:

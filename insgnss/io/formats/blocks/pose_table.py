@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 OPK_NAMES, SIGMAS = "omega phi kappa", "sigma_x sigma_y sigma_z"
 TURNED = "sigma_omega sigma_phi sigma_kappa"
-POSE_UNITS = f"{METRES} deg degree degrees s"
-BY_NAME: Names = {
+POSE_TABLE_UNITS = f"{METRES} deg degree degrees s"
+POSE_TABLE_NAMES: Names = {
     "name": "name image setup point label id target photo image_name point_id point_name marker"
     " station",
     **PLACES,
@@ -33,17 +33,19 @@ BY_NAME: Names = {
 
 def _spec(names: Names, required: str, sigmas: str, ignored: Names | None = None) -> TableSpec:
     layouts, ignored = (required, f"{required} {sigmas}"), ignored or {}
-    return TableSpec(names, required, layouts, text=True, strict=POSE_UNITS, ignored=ignored)
+    return TableSpec(names, required, layouts, text=True, strict=POSE_TABLE_UNITS, ignored=ignored)
 
 
 GEODETIC_COLUMNS: Names = {
     "lat": "lat latitude lat_deg latitude_deg",
     "lon": "lon longitude lon_deg longitude_deg",
 }
-CARTESIAN_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name x y z", SIGMAS, OF_A_REFERENCE)
-GEODETIC_POSITIONS = _spec(BY_NAME | GEODETIC_COLUMNS, "name lat lon z", SIGMAS)
+CARTESIAN_POSITIONS = _spec(
+    POSE_TABLE_NAMES | GEODETIC_COLUMNS, "name x y z", SIGMAS, OF_A_REFERENCE
+)
+GEODETIC_POSITIONS = _spec(POSE_TABLE_NAMES | GEODETIC_COLUMNS, "name lat lon z", SIGMAS)
 POSE_SPEC = _spec(
-    BY_NAME
+    POSE_TABLE_NAMES
     | {angle: angle for angle in OPK_NAMES.split()}
     | {f"sigma_{angle}": sigma_names(angle) for angle in OPK_NAMES.split()},
     f"name x y z {OPK_NAMES}",
@@ -198,9 +200,9 @@ def is_pose_table(path: Source) -> bool:
     except InputError:
         return False
     fields = _header(table)
-    own = {"x", *OPK_NAMES.split()} <= _columns_of(table, POSE_SPEC)
+    is_pose = {"x", *OPK_NAMES.split()} <= _columns_of(table, POSE_SPEC)
     named = any(name in fields for name in ("image", "setup", "name"))
-    return own and named and "somega" not in fields
+    return is_pose and named and "somega" not in fields
 
 
 def is_position_table(path: Source) -> bool:

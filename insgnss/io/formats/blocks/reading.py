@@ -91,16 +91,16 @@ def read_measured_block(path: Source, format: str = "auto", **options: Any) -> M
     if form not in FORMATS:
         raise UsageError(f"format {form!r} of image observations; {near(form, FORMATS)}")
     reader, accepted, _ = FORMATS[form]
-    given = {key: value for key, value in options.items() if value is not None}
+    requested = {key: value for key, value in options.items() if value is not None}
     # a standard deviation stands in where a file has none; one that always has it needs none
     if "sigma_px" not in accepted:
-        given.pop("sigma_px", None)
-    if extra := [key for key in given if key not in accepted]:
+        requested.pop("sigma_px", None)
+    if extra := [key for key in requested if key not in accepted]:
         raise UsageError(
             f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
             f" {', '.join(accepted) or 'no option'}"
         )
-    block: MeasuredBlock = function_at(reader)(path, **given)
+    block: MeasuredBlock = function_at(reader)(path, **requested)
     return block
 
 
@@ -122,7 +122,7 @@ def parts_of_block(path: Source) -> list[Path]:
     folder = path if path.is_dir() else path.parent
     if path.is_dir() or COLMAP_FILE.fullmatch(path.name) or path.name == RECONSTRUCTION:
         model = [file for file in folder.iterdir() if COLMAP_FILE.fullmatch(file.name)]
-        inner = [folder / own / name for own in (".", INSIDE) for name in (RECONSTRUCTION, TRACKS)]
+        inner = [folder / sub / name for sub in (".", INSIDE) for name in (RECONSTRUCTION, TRACKS)]
         return sorted({path, *model, *inner})
     if path.suffix.lower() == ".psx":
         zips = path.with_suffix(".files").rglob("*.zip")
@@ -190,9 +190,9 @@ def _headed(row: str) -> bool:
 
 
 def _unknown(path: Path) -> InputError:
-    words = "; ".join(word for _, _, word in FORMATS.values())
+    readable = "; ".join(word for _, _, word in FORMATS.values())
     return InputError.in_file(
-        path, f"is not recognised as image observations; readable are {words}"
+        path, f"is not recognised as image observations; readable are {readable}"
     )
 
 
@@ -228,14 +228,14 @@ def read_dbat_block(path: Source) -> MeasuredBlock:
         The block, with poses in the axes of its ground points.
     """
     block = read_dbat(path)
-    both = (block.control, block.check)
+    groups = (block.control, block.check)
     ground = None
-    if any(len(points) for points in both):
+    if any(len(points) for points in groups):
         ground = GroundTable(
-            tuple(block.points[p] for points in both for p in points.point),
-            np.concatenate([points.position_m for points in both]),
-            np.concatenate([points.cov for points in both]),
-            np.repeat([False, True], [len(points) for points in both]),
+            tuple(block.points[p] for points in groups for p in points.point),
+            np.concatenate([points.position_m for points in groups]),
+            np.concatenate([points.cov for points in groups]),
+            np.repeat([False, True], [len(points) for points in groups]),
         )
     return MeasuredBlock(
         block.cameras,

@@ -25,7 +25,6 @@ from ....records import FramedOrientation
 from ....records.framed import TANGENT
 from ..orientation.ascii_columns import line_form
 from ..orientation.exported import (
-    check_frame,
     check_names,
     comment_lines,
     frame_words,
@@ -76,16 +75,15 @@ def write_bentley(
     Raises
     ------
     UsageError
-        Another frame, a CRS without code, or a camera that is half given.
+        A CRS without code, or a camera that is half given.
     InputError
         Names with line ends.
     """
-    check_frame(eo, "bentley")
     check_names(eo.images, "\n")
     camera = FROM_EXIF
-    given = [x for x in (width_px, height_px, focal_px) if x is not None]
-    if given:
-        if len(given) < 3 or not all(0 < x < np.inf for x in given):
+    optics = [x for x in (width_px, height_px, focal_px) if x is not None]
+    if optics:
+        if len(optics) < 3 or not all(0 < x < np.inf for x in optics):
             how = (
                 "give all three, such as --set width_px=5120 --set height_px=3840 --set"
                 " focal_px=5607, or none"
@@ -96,11 +94,11 @@ def write_bentley(
         camera = LENS.format(width=width_px, height=height_px, focal=focal_px)
     eo = on_ellipsoid(eo)
     definition, coordinates = _reference(eo)
-    words = comment_lines(
+    comment = comment_lines(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
     head = BENTLEY_HEAD.format(
-        comment=words,
+        comment=comment,
         name=xml_text(frame_words(eo)),
         definition=xml_text(definition),
     )

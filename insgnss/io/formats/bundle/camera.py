@@ -30,7 +30,7 @@ FISHEYE_NAMES = {
     "THIN_PRISM_FISHEYE": (*_OPENCV, "k3", "k4", "sx1", "sy1"),
 }
 """The same of fisheye models, whose polynomial takes equidistant points."""
-NAMES = BROWN_NAMES | FISHEYE_NAMES | {"FOV": ("fx", "fy", "cx", "cy", "omega")}
+PARAMETER_NAMES = BROWN_NAMES | FISHEYE_NAMES | {"FOV": ("fx", "fy", "cx", "cy", "omega")}
 GIVE_CAMERA = (
     "give MODEL WIDTH HEIGHT PARAMETERS as in COLMAP's cameras.txt, such as --set camera='PINHOLE"
     " 5120 3840 5607 5607 2560 1920' (fx fy cx cy)"
@@ -59,7 +59,7 @@ class ColmapCamera:
     @property
     def values(self) -> dict[str, float]:
         """Parameters by their names."""
-        return dict(zip(NAMES.get(self.model, ()), self.parameters, strict=False))
+        return dict(zip(PARAMETER_NAMES.get(self.model, ()), self.parameters, strict=False))
 
     @property
     def focal(self) -> tuple[float, float]:
@@ -112,20 +112,20 @@ def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Colmap
     """
     if not text or "=" not in text:
         return (camera_of(text, who),) * len(names)
-    given: dict[str, str] = {}
+    models: dict[str, str] = {}
     for word in filter(None, (word.strip() for word in text.split(";"))):
         name, _, model = word.partition("=")
-        if name.strip() not in names or name.strip() in given:
-            problem = "stands twice" if name.strip() in given else "is not in the orientation"
+        if name.strip() not in names or name.strip() in models:
+            problem = "stands twice" if name.strip() in models else "is not in the orientation"
             cameras = ", ".join(filter(None, names)) or "one without a name"
             raise UsageError(f"{who}: camera {name.strip()!r} {problem}; its cameras: {cameras}")
-        given[name.strip()] = model
-    if missing := [name for name in names if name not in given]:
+        models[name.strip()] = model
+    if missing := [name for name in names if name not in models]:
         raise UsageError(
             f"{who}: camera {missing[0]!r} is missing; give each, such as --set"
             f" camera='{names[0]}=PINHOLE 5120 3840 5607 5607 2560 1920; {missing[0]}=...'"
         )
-    return tuple(camera_of(given[name], who) for name in names)
+    return tuple(camera_of(models[name], who) for name in names)
 
 
 def camera_of(text: str | None, who: str) -> ColmapCamera:
@@ -150,20 +150,20 @@ def camera_of(text: str | None, who: str) -> ColmapCamera:
     """
     if not text:
         raise UsageError.advised(f"{who} needs a calibrated camera", GIVE_CAMERA)
-    words = str(text).replace(",", " ").split()
-    if words[0] not in NAMES:
-        raise UsageError.advised(f"camera model {words[0]!r} is none of COLMAP's", GIVE_CAMERA)
-    if len(words) < 3:
+    fields = str(text).replace(",", " ").split()
+    if fields[0] not in PARAMETER_NAMES:
+        raise UsageError.advised(f"camera model {fields[0]!r} is none of COLMAP's", GIVE_CAMERA)
+    if len(fields) < 3:
         raise UsageError.advised(f"camera {text!r} is not a model and numbers", GIVE_CAMERA)
-    width, height = map(whole, words[1:3])
-    parameters = tuple(map(finite, words[3:]))
+    width, height = map(whole, fields[1:3])
+    parameters = tuple(map(finite, fields[3:]))
     if min(width, height) < 0 or any(map(math.isnan, parameters)):
         raise UsageError.advised(f"camera {text!r} is not a model and numbers", GIVE_CAMERA)
-    if len(parameters) != (count := len(NAMES[words[0]])):
+    if len(parameters) != (count := len(PARAMETER_NAMES[fields[0]])):
         raise UsageError.advised(
-            f"camera {words[0]}: {len(parameters)} parameters, the model has {count}", GIVE_CAMERA
+            f"camera {fields[0]}: {len(parameters)} parameters, the model has {count}", GIVE_CAMERA
         )
-    camera = ColmapCamera(words[0], width, height, parameters)
+    camera = ColmapCamera(fields[0], width, height, parameters)
     if min(width, height) <= 0 or min(camera.focal) <= 0.0:
         raise UsageError.advised(
             f"camera {text!r}: size and focal lengths must be positive", GIVE_CAMERA

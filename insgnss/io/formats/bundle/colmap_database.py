@@ -16,7 +16,7 @@ from ....base.errors import InputError, UsageError
 from ..text.database import opened_database
 from ..text.layout import shown
 from ..text.text import Source
-from .camera import NAMES, ColmapCamera
+from .camera import PARAMETER_NAMES, ColmapCamera
 
 COLMAP_MODELS = (
     *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"),
@@ -103,7 +103,7 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
         }
         frames = _frames(path, connection)
         rows = connection.execute("SELECT camera_id, model, width, height, params FROM cameras")
-        given = {_whole(path, row[0]): row[1:] for row in rows}
+        stored_cameras = {_whole(path, row[0]): row[1:] for row in rows}
     chosen = []
     names = names_in_database(images, tuple(stored), path, skip)
     for name in names.values():
@@ -121,7 +121,7 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
             )
         chosen.append(DatabaseImage(number, camera, name, rig, frame))
     used = sorted({image.camera for image in chosen})
-    cameras = {k: _camera(path, k, given.get(k)) for k in used}
+    cameras = {k: _camera(path, k, stored_cameras.get(k)) for k in used}
     return ColmapDatabase(tuple(chosen), cameras, tuple(names))
 
 
@@ -160,8 +160,8 @@ def names_in_database(
     choices = [[image] if image in whole else by_file.get(image, []) for image in images]
     missing = [image for image, matches in zip(images, choices, strict=True) if not matches]
     if missing and (not skip or len(missing) == len(images)):
-        others = sorted(whole - {matches[0] for matches in choices if matches})
-        has = f"; it has {shown(others[0])}" if others else ""
+        unused = sorted(whole - {matches[0] for matches in choices if matches})
+        has = f"; it has {shown(unused[0])}" if unused else ""
         message = (
             f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing){has}:"
             " rename our images as in the database (--rename OLD=NEW or a table), extract features"
@@ -225,7 +225,7 @@ def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> ColmapCam
         )
     name, parameters = COLMAP_MODELS[model], np.full(1, np.nan)
     if isinstance(blob, bytes):
-        count = len(NAMES[name]) if name in NAMES else len(blob) // 8
+        count = len(PARAMETER_NAMES[name]) if name in PARAMETER_NAMES else len(blob) // 8
         parameters = np.frombuffer(blob, dtype="<f8") if len(blob) == 8 * count else parameters
     sizes = all(type(side) is int and side > 0 for side in (width, height))
     if not (sizes and np.isfinite(parameters).all()):

@@ -182,15 +182,15 @@ def flight_log_format(eo: Placed, path: Path) -> dict[Path, str]:
         f'      <{variables[name][0]} index="{k}" format="{variables[name][1]}"/>\n'
         for k, name in enumerate(fields)
     )
-    words = "insgnss: " + ", ".join(fields)
+    title = "insgnss: " + ", ".join(fields)
     comment = (
         f"insgnss {__version__}: {COPY_FORMAT.format(file=path.name)} Frame: {frame_words(eo)}"
     )
-    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, words)).upper()
+    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, title)).upper()
     text = FLIGHT_LOG.format(
         comment=escape(comment).replace("--", "- -"),
         guid=guid,
-        words=quoteattr(words),
+        words=quoteattr(title),
         columns=columns,
     )
     return {path.with_name(f"{path.stem}_format.xml"): text}

@@ -18,7 +18,7 @@ from ....base.files import atomic_write
 from ....geodesy.gpstime import WEEK_S
 from ....records import FramedOrientation
 from ..orientation.ascii_columns import ROTATION_SENSES, Conventions, numbers_of, write_columns
-from ..orientation.exported import check_frame, check_names, comment_lines
+from ..orientation.exported import check_names, comment_lines
 from ..text.text import Source
 
 GPS_EPOCH_MS = np.datetime64("1980-01-06T00:00:00", "ms")
@@ -65,11 +65,10 @@ def write_inpho_prj(
     Raises
     ------
     UsageError
-        Another frame, or `focal_mm` or `ground_m` missing.
+        `focal_mm` or `ground_m` missing.
     InputError
         File names that agree but for their ending.
     """
-    check_frame(eo, "inpho_prj")
     if (
         focal_mm is None
         or ground_m is None
@@ -104,21 +103,18 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
 
     Raises
     ------
-    UsageError
-        Another frame.
     InputError
         Names with blanks or that agree but for their ending.
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "inpho_ascii")
     ids = photo_ids(eo.images)
-    words = (
+    angles = (
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"
         " up, z back) to the frame"
     )
     head = (
-        comment_lines(eo, words, "time: seconds of the GPS week, GPS time")
+        comment_lines(eo, angles, "time: seconds of the GPS week, GPS time")
         + "# id E N H omega phi kappa time\n"
     )
     write_columns(eo, path, "image xyz opk tow", " ", head, ids)
@@ -128,11 +124,11 @@ def photo_ids(images: Sequence[str]) -> tuple[str, ...]:
     """Return file names without their endings; InputError where two agree."""
     check_names(images, "\n")
     ids = tuple(PurePath(name).stem for name in images)
-    seen: dict[str, str] = {}
+    name_by_photo: dict[str, str] = {}
     for name, photo in zip(images, ids, strict=True):
-        if seen.setdefault(photo, name) != name:
+        if name_by_photo.setdefault(photo, name) != name:
             raise InputError(
-                f"images {seen[photo]!r} and {name!r} have the same identifier {photo!r};"
+                f"images {name_by_photo[photo]!r} and {name!r} have the same identifier {photo!r};"
                 " rename one"
             )
     return ids

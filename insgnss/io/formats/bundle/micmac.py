@@ -23,7 +23,6 @@ from ....records.block import Array
 from ..orientation.ascii_columns import write_columns
 from ..orientation.exported import (
     UnfitName,
-    check_frame,
     check_names,
     comment_lines,
     new_directory,
@@ -84,13 +83,12 @@ def write_micmac(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "micmac")
-    words = comment_lines(
+    comment = comment_lines(
         eo,
         "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
         " right-up-back to the frame",
     )
-    write_columns(eo, path, "image xyz opk s_xyz", " ", f"#F=N X Y Z W P K Ix Iy Iz\n{words}")
+    write_columns(eo, path, "image xyz opk s_xyz", " ", f"#F=N X Y Z W P K Ix Iy Iz\n{comment}")
 
 
 def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "") -> None:
@@ -115,7 +113,6 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     InputError
         Names that make no file name.
     """
-    check_frame(eo, "micmac_xml")
     check_names(eo.images, "/")
     unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
     if unfit is not None:
@@ -124,7 +121,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
             " the image"
         )
     directory = Path(path)
-    own = {f"Orientation-{name}.xml" for name in eo.images}
+    files = {f"Orientation-{name}.xml" for name in eo.images}
     interior = (
         f"          <FileInterne>{xml_text(calibration)}</FileInterne>\n" if calibration else ""
     )
@@ -132,7 +129,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])
     with new_directory(
         directory,
-        own,
+        files,
         lambda file: file.startswith("Orientation-") and file.endswith(".xml"),
         "orientations",
     ) as into:

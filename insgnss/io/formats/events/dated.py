@@ -42,14 +42,14 @@ DATED_STAMP = re.compile(
     r"\s*(Z|UTC|GPST|[+-]\d{2}:?\d{2})?",
     re.ASCII,
 )
-DAY = re.compile(_DAY, re.ASCII)
+DAY_ALONE = re.compile(_DAY, re.ASCII)
 SPEC = TableSpec(DATED, "time", ("time", "image time", "image date time"), text=True)
 DATED_QUOTES = " \"'"
 SUBSECONDS = ("subsectimeoriginal", "subsectime")  # of exiftool, beside times without them
 FINEST = ("subsecdatetimeoriginal", "gpsdatetime", "datetimeoriginal", "createdate")
 TIME_OF_WEEK = r"\b(tow|sow|gps_tow|time of week|gps_sow|timeofweek|gpstow|gpssow)\b"
 UTC_OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
-MATTERS_S = 5e-3  # a last digit from which on the standard deviation of a stamp is carried along
+MATTERS_S = 5e-3  # last digit of a stamp (s): a coarser one adds 15 mm and more at 10 m/s
 GIVE_SCALE = 'time_scale "utc", "gpst", or of a camera in local time "utc+02:00"'
 
 
@@ -68,7 +68,7 @@ def is_dated(head: bytes) -> bool:
 def _date_and_time(line: str) -> bool:
     """Tell whether one field of a line is a date and another a time of day."""
     fields = [field.strip(" \"'") for field in re.split(r"[,;\t]", line)]
-    dates = [field for field in fields if DAY.fullmatch(field)]
+    dates = [field for field in fields if DAY_ALONE.fullmatch(field)]
     return bool(dates) and any(re.fullmatch(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", f) for f in fields)
 
 
@@ -297,15 +297,15 @@ def stated_scale(title: str, signs: set[str]) -> str | None:
     """Return the scale that a column's name or the signs behind its times state; None for none."""
     if signs:
         return "gpst" if signs == {"GPST"} else "utc"
-    words = re.split(r"[^a-z]+", title.lower())
-    if any(word in ("utc", "gmt") for word in words):
+    parts = re.split(r"[^a-z]+", title.lower())
+    if any(word in ("utc", "gmt") for word in parts):
         return "utc"
-    return "gpst" if any(word in ("gpst", "gpstime") for word in words) else None
+    return "gpst" if any(word in ("gpst", "gpstime") for word in parts) else None
 
 
 def _gpst(match: re.Match[str], scale: str, lines: Lines, row: int) -> tuple[int, float]:
     """GPS week and seconds of a stamp with an offset of its own, or of a scale."""
-    own = match[11] if match[11] and match[11][0] in "+-" else ""
+    stated_offset = match[11] if match[11] and match[11][0] in "+-" else ""
     offset = offset_of(scale)
     year, month, day = (
         int(x) for x in (match.group(1, 2, 3) if match[1] else match.group(6, 5, 4))
@@ -315,8 +315,8 @@ def _gpst(match: re.Match[str], scale: str, lines: Lines, row: int) -> tuple[int
         if second > 60:  # which a leap second is called
             raise ValueError(second)
         when = datetime(year, month, day, hour, minute) + timedelta(seconds=second)
-        if own:
-            offset = offset_of(f"utc{own}")
+        if stated_offset:
+            offset = offset_of(f"utc{stated_offset}")
         if offset is None:
             week, tow = gps_from_calendar(when, "gpst")
         else:

@@ -68,7 +68,7 @@ def events_in_order(
         images, numbering = numbered(time.size)
         notes = (*notes, numbering)
     names = images
-    rows, odd = put_in_order(lines, time, lambda i, k: names[i] == names[k], "event rows")
+    rows, order_notes = put_in_order(lines, time, lambda i, k: names[i] == names[k], "event rows")
     if rows is not None:
         time, images, lines = time[rows], tuple(names[k] for k in rows), Picked(lines, rows)
         sigma_s = None if sigma_s is None else sigma_s[rows]
@@ -83,7 +83,7 @@ def events_in_order(
             raise lines.error_at(
                 row, f"{message} is no image name, set columns = [...] of image, week, tow"
             )
-    return CameraEvents(images, time, gps_week, lines.path, (*notes, *odd), sigma_s=sigma_s)
+    return CameraEvents(images, time, gps_week, lines.path, (*notes, *order_notes), sigma_s=sigma_s)
 
 
 def numbered(count: int) -> tuple[tuple[str, ...], Finding]:

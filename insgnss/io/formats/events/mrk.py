@@ -29,13 +29,14 @@ from .events import events_in_order
 
 _WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
 _MRK_TOKEN = re.compile(r"[^\s,;]+")
-NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
+MRK_NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 MRK_OFFSET = ("n", "e", "v")
-LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
+# antenna to camera (m): drones are smaller, a longer one is not in millimetres
+LONGEST_OFFSET_M = 5.0
 MRK_PLACE = ("lat", "lon", "ellh")
 # largest number, week or quality: six digits, more than any drone counts (chosen)
 LARGEST_NUMBER = 999999
-LEAST_MRK_VALUES = 2  # number and time of week
+LEAST_MRK_VALUES = 2  # values of a line without names: number and time of week (format)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +142,13 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
     while i < len(tokens):
         value = line.value(tokens[i])
         name = tokens[i + 1].lower() if i + 1 < len(tokens) else ""
-        if name in NAMES:
+        if name in MRK_NAMES:
             if name in row:
                 raise line.error(f"{tokens[i + 1]} stands twice; correct or delete the line")
             row[name] = value
         else:
             unnamed.append(value)
-        i += 2 if name in NAMES else 1
+        i += 2 if name in MRK_NAMES else 1
     if len(unnamed) not in (LEAST_MRK_VALUES, LEAST_MRK_VALUES + 3):
         message = (
             f"{len(unnamed)} values without a name; five are expected (number, time of week, three"

@@ -28,7 +28,7 @@ PICTURE_MARGIN = (
     1.2  # half the picture by half of what the flight covers: the map shows 1 / 0.92 of it
 )
 WITHOUT_OUTLIERS = (0.5, 99.5)  # percentiles of the places: a fix may be 50 km off
-LEAST_REACH_M = 50.0  # half of its height where the flight stays at one place
+LEAST_REACH_M = 50.0  # half height of the picture (m): of a flight that stays at one place (chosen)
 # side of the net of points that PROJ transforms: between them a map of 20 km bends by 1 mm
 NET_SIDE = 33
 LARGEST_RASTER_PX = 100_000_000  # pixels of a raster that is unpacked whole: 0.3 GB of RGB
@@ -37,8 +37,9 @@ LARGEST_TILE_PX = 1024  # side of a tile: writers make 256 and 512
 MERCATOR_M = 20_037_508.342789244  # half the side of EPSG:3857, m: pi times 6 378 137 m
 # tags of TIFF: sizes of a pixel, a tie point, a matrix, the keys; whether a page is an overview
 SCALE_TAG, TIE_TAG, MATRIX_TAG, KEYS_TAG, REDUCED_TAG = 33550, 33922, 34264, 34735, 254
-RASTER_KEY, RASTER_POINT = 1025, 2  # key of what a pixel is, and its value for a point
-CRS_KEYS, USER_DEFINED = (3072, 2048), 32767  # keys of projected and geographic CRS; no code
+RASTER_KEY, RASTER_POINT = 1025, 2  # key of what a pixel is, and its value for a point: GeoTIFF
+# keys of projected and geographic CRS, and no code: GeoTIFF
+CRS_KEYS, USER_DEFINED = (3072, 2048), 32767
 # 8 bits a band
 EIGHT_BIT_MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr")
 BACKGROUNDS = "GeoTIFF of 8 bits a band with an EPSG code, or MBTiles of pictures"

@@ -22,13 +22,15 @@ from ....base.files import atomic_write
 from ....base.units import METRE
 from ....records import Array, FramedOrientation
 from ....records.framed import PROJECTED
+from ..exports import check_frame
 from ..orientation.ascii_columns import Conventions, numbers_of
-from ..orientation.exported import check_choice, check_frame, listed_rows
+from ..orientation.exported import check_choice, listed_rows
 from ..orientation.poses import all_angles, local_covariance, sentences, utc
 from ..text.text import Source
 
 DIALECTS = ("rfc7946", "orthority")
-HALF_TURN_DEG = 180.0  # change of longitude (deg) beyond which a track crosses the antimeridian
+# change of longitude (deg): a track with a larger one crosses the antimeridian
+HALF_TURN_DEG = 180.0
 
 
 def write_geojson(
@@ -57,7 +59,7 @@ def write_geojson(
     """
     check_choice("dialect", dialect, DIALECTS)
     if dialect == "orthority":
-        check_frame(eo, "geojson of orthority", PROJECTED)
+        check_frame(eo, "geojson of orthority", (PROJECTED,))
         if eo.frame.units != (METRE, METRE):
             raise UsageError(
                 f"geojson of orthority takes metres, {eo.frame.name} counts in"
@@ -170,9 +172,9 @@ def _unless(point: Array, same: Array) -> Array:
 
 def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
     opk = numbers_of(eo, "opk", Conventions(unit="rad"))
-    own = json.dumps(camera).replace("%", "%%")
+    lens = json.dumps(camera).replace("%", "%%")
     form = (
-        f'{{"type": "Feature", {AT_POINT}, "properties": {{"filename": %s, "camera": {own}, "xyz":'
+        f'{{"type": "Feature", {AT_POINT}, "properties": {{"filename": %s, "camera": {lens}, "xyz":'
         " [%.4f, %.4f, %.4f], "
     )
     form += '"opk": [%.9f, %.9f, %.9f]}}'

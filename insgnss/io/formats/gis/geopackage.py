@@ -23,12 +23,13 @@ from ....base.output.staging import destination, staged
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
 from ....records.framed import TANGENT
-from ..orientation.exported import check_frame, places, position_sigma
+from ..orientation.exported import places, position_sigma
 from ..orientation.poses import all_angles, sentences, utc
 from ..text.text import Source
 
-APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
-UNDEFINED_CARTESIAN_ID = -1  # srs_id that the standard gives to undefined Cartesian coordinates
+# "GPKG" and 1.3.0: the standard's marks in the file's head
+APPLICATION_ID, USER_VERSION = 0x47504B47, 10300
+UNDEFINED_CARTESIAN_ID = -1  # srs_id of undefined Cartesian coordinates: the standard's number
 FIRST_OWN_ID = 100000  # srs_id of a CRS without EPSG code: above the numbers of EPSG (chosen)
 REALS = (
     *("yaw_deg", "pitch_deg", "roll_deg", "sigma_yaw_deg", "sigma_pitch_deg", "sigma_roll_deg"),
@@ -94,7 +95,6 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
     UsageError
         A geocentric frame, or a path that does not end in .gpkg.
     """
-    check_frame(eo, "geopackage")
     if not str(path).lower().endswith(".gpkg"):
         raise UsageError(f"{path}: a GeoPackage must be named .gpkg, such as --out eo.gpkg")
     coordinates = places(eo)

@@ -41,7 +41,7 @@ ALTITUDE_MODES = {  # KML's name of what altitudes count from, and ours
     "relative": ("relativeToGround", "above the ground"),
     "clamped": (CLAMPED, "none, the track lies on the ground"),
 }
-NAMES = (
+KML_DATA = (
     "yaw_deg",
     "pitch_deg",
     "roll_deg",
@@ -162,7 +162,7 @@ def _placemarks(eo: FramedOrientation, position: Array, mode: str) -> Iterator[s
     camera += f"<altitudeMode>{mode}</altitudeMode></Camera>"
     if mode == CLAMPED:  # a camera on the ground would show nothing
         camera = ""
-    data = "".join(f'<Data name="{name}"><value>%.6f</value></Data>' for name in NAMES)
+    data = "".join(f'<Data name="{name}"><value>%.6f</value></Data>' for name in KML_DATA)
     point = f"<Point><altitudeMode>{mode}</altitudeMode>"
     point += "<coordinates>%.10f,%.10f,%.4f</coordinates></Point>"
     form = f"<Placemark><name>%s</name>{camera}<TimeStamp><when>%s</when></TimeStamp>"
@@ -173,5 +173,5 @@ def _placemarks(eo: FramedOrientation, position: Array, mode: str) -> Iterator[s
     table = np.column_stack([np.degrees(ypr), local_sigma(eo), eo.geodetic[:, 2]])
     rows = zip(eo.images, position.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
     for name, x, turn, when, row in rows:
-        seen = (*x, *turn) if camera else ()
-        yield form % (xml_text(name), *seen, when, *row, *x)
+        view = (*x, *turn) if camera else ()
+        yield form % (xml_text(name), *view, when, *row, *x)

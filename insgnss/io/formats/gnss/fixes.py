@@ -35,11 +35,11 @@ STATED_BY: dict[tuple[str, ...], tuple[tuple[str, ...], ...]] = {
     VELOCITY_SIGMA: (VELOCITY_SIGMA, ("sd_v", "sd_v", "sd_v")),
 }
 OF_POSITION = {*FIX_SIGMAS, "sd_ne", *VARIANCE}
-MOST_QUALITY = 7  # of RTKLIB
+MOST_QUALITY = 7  # largest quality code: RTKLIB has 0 to 7
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
-UNKNOWN_DOP = 99.0  # receivers write 99.9 or 99.99 for a dilution of precision they do not know
-LARGEST_COORDINATE = 1e7  # m, m/s; beyond it no antenna is
+UNKNOWN_DOP = 99.0  # dilution of precision: receivers write 99.9 or 99.99 for one they do not know
+LARGEST_COORDINATE = 1e7  # height (m), velocity (m/s) and their sigmas: no antenna is beyond it
 
 
 @dataclass(frozen=True)
@@ -179,15 +179,15 @@ def of_the_solution(columns: Mapping[str, Array]) -> dict[str, Array]:
         one of satellites, is not known: not-a-number. Of a program that does not know them there
         are zeros alone: then the column is left out. An age may be zero throughout, or negative.
     """
-    given = {}
+    valid = {}
     for name, column in columns.items():
         most = UNKNOWN_DOP if name.endswith("dop") else np.inf
         possible = np.isfinite(column) & ((name == "age_s") | (column >= 0.0)) & (column < most)
-        given[name] = np.where(possible, column, np.nan)
-    informative = {name for name, column in given.items() if (np.nan_to_num(column) != 0.0).any()}
-    if informative and "age_s" in given and np.isfinite(given["age_s"]).any():
+        valid[name] = np.where(possible, column, np.nan)
+    informative = {name for name, column in valid.items() if (np.nan_to_num(column) != 0.0).any()}
+    if informative and "age_s" in valid and np.isfinite(valid["age_s"]).any():
         informative.add("age_s")
-    return {name: column for name, column in given.items() if name in informative}
+    return {name: column for name, column in valid.items() if name in informative}
 
 
 def _taken(rows: Any, *tables: Mapping[str, Array]) -> list[dict[str, Array]]:
@@ -287,7 +287,7 @@ def _covariance(
     names: tuple[str, ...],
     factor: float,
     lines: Lines,
-    given: ArrayLike | None,
+    stand_in: ArrayLike | None,
     option: str,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return diagonal covariances (n, 3, 3), and of which rows (n,) the file states none.
@@ -301,19 +301,19 @@ def _covariance(
     if stated := next((axes for axes in STATED_BY[names] if cols.keys() >= set(axes)), None):
         sigma = np.column_stack([cols[name] for name in stated])
         sigma = factor * (np.sqrt(np.maximum(sigma, 0.0)) if stated == VARIANCE else sigma)
-    elif present or given is None:
+    elif present or stand_in is None:
         missing = " ".join(name for name in names if name not in cols)
         raise InputError(
             f"{lines.path}: no standard deviations {missing}; name their columns, or set {option} ="
             " [north, east, down]"
         )
     else:
-        sigma = np.broadcast_to(np.asarray(given, dtype=np.float64), (n, 3))
+        sigma = np.broadcast_to(np.asarray(stand_in, dtype=np.float64), (n, 3))
         assumed = np.ones(n, dtype=np.bool_)
         if not (np.isfinite(sigma) & (sigma > 0.0)).all():
-            raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
-    if given is not None and (unstated := (sigma == 0.0).any(axis=1)).any():
-        sigma = np.where(unstated[:, None], np.asarray(given, dtype=np.float64), sigma)
+            raise InputError(f"{option}: {np.asarray(stand_in).tolist()} must be positive")
+    if stand_in is not None and (unstated := (sigma == 0.0).any(axis=1)).any():
+        sigma = np.where(unstated[:, None], np.asarray(stand_in, dtype=np.float64), sigma)
         assumed = assumed | unstated
     bad = ~((sigma > 0.0) & (sigma <= LARGEST_COORDINATE))
     if bad.any():

@@ -121,7 +121,9 @@ def read_gnss_text(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
     cols = replace(table, index={**_described(table), **table.index}).numbers()
     lines: Lines = table
     if (mark := options.repeat_column) is not None:
-        taken = new_fixes(path, mark, rows.values[:, place_of(str(path), rows.layout, mark)])
+        assert isinstance(table.table, NumberTable)
+        marks = table.table.floats(place_of(str(path), rows.layout, mark))
+        taken = new_fixes(path, mark, marks)
         lines, cols = Picked(table, taken), {name: x[taken] for name, x in cols.items()}
     scales = fix_scales(settled, units)
     if options.reference is None and "north" in table:
@@ -151,7 +153,8 @@ def _vertical_angle(table: NamedTable) -> tuple[Finding, ...]:
 def _described(named: NamedTable) -> dict[str, int]:
     """Return the first column of each of `OF_THE_SOLUTION` that the header names.
 
-    They weigh nothing, so that one of text alone is passed over; text among numbers is refused.
+    They weigh nothing, so that one of text alone is passed over and an empty field is unknown; text
+    among numbers is refused.
     """
     table, index_of = named.table, dict[str, int]()
     assert isinstance(table, NumberTable)
@@ -159,7 +162,7 @@ def _described(named: NamedTable) -> dict[str, int]:
         name = DESCRIBED.get(normalised(field)[0])
         if name is None or k in named.index.values() or k in table.dates:
             continue
-        if k not in table.bad:
+        if k not in table.bad or 0 < table.blank.get(k, 0) < len(table):
             index_of.setdefault(name, k)
         elif np.isfinite(table.values[:, k]).any():
             table.refuse_text([k])

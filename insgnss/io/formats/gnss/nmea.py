@@ -44,7 +44,7 @@ NMEA_CLOCK = re.compile(r"[0-9]{6}(?:\.[0-9]*)?")  # hhmmss.ss
 NMEA_DATE = re.compile(r"[0-9]{6}(?:[0-9]{2})?")  # ddmmyy, of ZDA ddmmyyyy
 
 
-class _Fix(NamedTuple):
+class _GgaFix(NamedTuple):
     """A GGA with a fix: degrees, metres above the ellipsoid, age of the corrections, s.
 
     What it does not say of the solution is not-a-number.
@@ -91,7 +91,7 @@ class _Log:
         Lines of the fixes before the receiver knew the date, which are left out of `fixes`.
     """
 
-    fixes: list[_Fix] = field(default_factory=list)
+    fixes: list[_GgaFix] = field(default_factory=list)
     pdop: dict[Epoch, float] = field(default_factory=dict)
     sigma: dict[Epoch, tuple[float, ...]] = field(default_factory=dict)
     track: dict[Epoch, tuple[float, float]] = field(default_factory=dict)
@@ -112,7 +112,7 @@ class _Log:
         for epoch, _ in dates[:first]:
             del self.dates[epoch]
 
-        def is_dated(row: _Fix | _Heading) -> bool:
+        def is_dated(row: _GgaFix | _Heading) -> bool:
             return row.line > first_line or row.epoch == first_epoch
 
         self.undated.extend(row.line for row in self.fixes if not is_dated(row))
@@ -166,7 +166,7 @@ def read_nmea(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssFixes:
     agree_on_week(lines, week, options.gps_week)
     spread = np.array([log.sigma.get(row.epoch, stand_in) for row in fixes])
     table = np.array([row[2:] for row in fixes])
-    cols = {"tow": time, **dict(zip(_Fix._fields[2:], table.T, strict=True))}
+    cols = {"tow": time, **dict(zip(_GgaFix._fields[2:], table.T, strict=True))}
     cols |= dict(zip(FIX_SIGMAS, spread.T, strict=True))
     cols[ASSUMED] = np.array([row.epoch not in log.sigma for row in fixes], dtype=np.float64)
     cols["pdop"] = np.array([log.pdop.get(row.epoch, np.nan) for row in fixes])
@@ -215,7 +215,7 @@ def read_headings(path: Source) -> tuple[int, Array, Array, SentenceLines]:
     return week, time, np.array([row.heading for row in log.headings]), lines
 
 
-def _gps_time(first_day: float, rows: Sequence[_Fix | _Heading]) -> tuple[int, Array]:
+def _gps_time(first_day: float, rows: Sequence[_GgaFix | _Heading]) -> tuple[int, Array]:
     """Return GPS week and seconds of it of rows whose epochs count from a midnight, Unix time."""
     days, tod = np.array([row.epoch for row in rows]).T
     week, midnight = gps_from_unix_utc(first_day + DAY_S * days)
@@ -225,7 +225,7 @@ def _gps_time(first_day: float, rows: Sequence[_Fix | _Heading]) -> tuple[int, A
     return week + over, time - over * WEEK_S
 
 
-def _velocity(fixes: list[_Fix], log: _Log, sigma_velocity: ArrayLike) -> dict[str, Array]:
+def _velocity(fixes: list[_GgaFix], log: _Log, sigma_velocity: ArrayLike) -> dict[str, Array]:
     """Return columns of velocity and its standard deviations.
 
     Those of an epoch without a track are `UNKNOWN_MPS`.
@@ -297,7 +297,7 @@ def _optional(text: str, line: FileLine) -> float:
     return line.value(text) if text else float("nan")
 
 
-def _fix(epoch: Epoch, fields: list[str], line: FileLine, undulation_m: float | None) -> _Fix:
+def _fix(epoch: Epoch, fields: list[str], line: FileLine, undulation_m: float | None) -> _GgaFix:
     separation = fields[11] if len(fields) > 11 else ""
     if not separation and undulation_m is None:
         raise line.error(
@@ -314,7 +314,7 @@ def _fix(epoch: Epoch, fields: list[str], line: FileLine, undulation_m: float | 
     height, quality = line.value(fields[9]) + above, NMEA_QUALITY[int(code)]
     described = (fields[7], fields[8], fields[13] if len(fields) > 13 else "")
     satellites, hdop, age = (_optional(text, line) for text in described)
-    return _Fix(
+    return _GgaFix(
         epoch=epoch,
         line=line.number,
         lat=lat,

@@ -23,8 +23,9 @@ from ..text.units import DEG
 from .fixes import FixScales, fixes_from_columns
 
 LOGS = ("BESTGNSSPOSA", "BESTPOSA", "RTKPOSA", "PSRPOSA")  # the first that there is
-LEAST_POSITION_FIELDS = 10, 15  # before the semicolon, and behind it up to the number of satellites
-WEEK, SECONDS_FIELD = 5, 6  # fields of the header
+# fields before and behind the semicolon: up to the number of satellites
+LEAST_POSITION_FIELDS = 10, 15
+WEEK, SECONDS_FIELD = 5, 6  # fields of the header, from 0: NovAtel's manual
 # type of the position to RTKLIB's codes: the first whose letters it has
 QUALITY_OF_TYPE = (
     *(("FLOAT", 2), ("INT", 1), ("FIXED", 1), ("PPP", 6), ("WAAS", 3), ("SBAS", 3)),

@@ -20,15 +20,15 @@ from ..text.sentences import SentenceLines
 from ..text.text import Source, load
 from .novatel import OemLog, solved_logs
 
-NAMES = ("HEADINGA", "HEADING2A", "DUALANTENNAHEADINGA", "UNIHEADINGA")
+HEADING_LOGS = ("HEADINGA", "HEADING2A", "DUALANTENNAHEADINGA", "UNIHEADINGA")
 MILLISECONDS = "UNIHEADINGA"  # whose header has its week one field further left, and ms
-FIELDS_BEFORE_HEADING = 7, 7  # of header and body that are read, at least
+FIELDS_BEFORE_HEADING = 7, 7  # fields of header and body: the least, those that are read
 LOG_HEADINGS = "let the receiver log HEADING2A or UNIHEADINGA, and copy the log whole"
 
 
 def is_oem_log(head: bytes) -> bool:
     """Tell whether the first bytes of a file hold such a log."""
-    return any(f"#{name},".encode() in head for name in NAMES)
+    return any(f"#{name},".encode() in head for name in HEADING_LOGS)
 
 
 def read_oem_headings(
@@ -57,7 +57,7 @@ def read_oem_headings(
     logs, left_out = solved_logs(
         path,
         text,
-        NAMES,
+        HEADING_LOGS,
         FIELDS_BEFORE_HEADING,
         lambda log: log.header[_week_of(log) - 1].startswith("FINE"),
     )

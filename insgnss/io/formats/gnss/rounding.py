@@ -43,7 +43,7 @@ def floor_of_zeros(sigma: Array) -> float | None:
     return None if digit is None or positive.min() > DOWN_TO * digit else 0.5 * digit
 
 
-def is_held(position: Sequence[Array], others: Sequence[Array]) -> bool:
+def is_held(position: Sequence[Array], columns: Sequence[Array]) -> bool:
     """Tell whether rows repeat each fix until the next.
 
     Parameters
@@ -53,7 +53,7 @@ def is_held(position: Sequence[Array], others: Sequence[Array]) -> bool:
     others : sequence of ndarray, shape (n,)
         What else the fix has: height, velocity, standard deviations.
     """
-    same = np.all([np.diff(column) == 0.0 for column in (*position, *others)], axis=0)
+    same = np.all([np.diff(column) == 0.0 for column in (*position, *columns)], axis=0)
     if same.size == 0 or same.mean() <= REPEATED:
         return False
     runs = np.diff(np.flatnonzero(~same))

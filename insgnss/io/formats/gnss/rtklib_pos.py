@@ -46,7 +46,7 @@ from .pos_header import (
 
 __all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos"]
 
-JST_S = 9 * 3600.0  # s that Japan's time (RTKLIB's scale JST) is ahead of UTC
+JST_S = 9 * 3600.0  # Japan's time ahead of UTC (s): RTKLIB's scale JST
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,12 +262,12 @@ def _stamps(table: NumberTable, cols: dict[str, Array], header: Header) -> tuple
         starts = np.array([(date - GPS_EPOCH).total_seconds() for date in dates])
         seconds = starts[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
-        odd = (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0)
-        _refuse(table, odd, tod, "{:.3f} s is no time of day")
+        bad = (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0)
+        _refuse(table, bad, tod, "{:.3f} s is no time of day")
     else:
         week, tow = cols["week"], cols["tow"]
-        odd = (week < 0.0) | (week > 9999.0) | (week % 1.0 != 0.0)
-        _refuse(table, odd, week, "{:g} is no GPS week")
+        bad = (week < 0.0) | (week > 9999.0) | (week % 1.0 != 0.0)
+        _refuse(table, bad, week, "{:g} is no GPS week")
         _refuse(table, (tow < 0.0) | (tow > 2.0 * WEEK_S), tow, "{:.3f} s is no time of week")
         seconds, tod = cols["week"] * WEEK_S, cols["tow"] - shift
     if header.scale != "GPST":
@@ -299,24 +299,29 @@ def _position(
     if undulation_m and header.given and (header.ellipsoidal or header.kind != "latitude"):
         message = above_already("heights, by the header,", undulation_m)
         raise InputError.in_file(table.path, message)
-    given = _stack(cols, POSITION_COLUMNS[header.kind])
+    coordinates = _stack(cols, POSITION_COLUMNS[header.kind])
     if header.kind == "latitude":
-        n = len(given)
+        n = len(coordinates)
         for name, limit in (("latitude", 90.0), ("longitude", 360.0)):
             message = f"{name} {{:.6f}} deg exceeds {limit:.0f}"
             _refuse(table, np.abs(cols[name]) > limit, cols[name], message)
-        height = _above_ellipsoid(table, header, given[:, 2], undulation_m)
-        lat, lon = np.radians(given[:, :2].T)
+        height = _above_ellipsoid(table, header, coordinates[:, 2], undulation_m)
+        lat, lon = np.radians(coordinates[:, :2].T)
         return lat, lon, height, np.broadcast_to(DOWN_FROM_UP, (n, 3, 3))
     C_e = np.eye(3)
     if header.kind == "e-baseline":
         origin, C_e = _base_frame(table, header)
-        given = origin + given @ C_e.T
+        coordinates = origin + coordinates @ C_e.T
     with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one
-        radius = np.linalg.norm(given, axis=1)
-    odd = (radius < 6e6) | (radius > 6e7)
-    _refuse(table, odd, radius, "{:.0f} m from the Earth's centre cannot be an antenna's position")
-    lat, lon, height = ecef_to_geodetic(given)
+        radius = np.linalg.norm(coordinates, axis=1)
+    bad = (radius < 6e6) | (radius > 6e7)
+    _refuse(
+        table,
+        bad,
+        radius,
+        "{:.0f} m from the Earth's centre cannot be an antenna's position",
+    )
+    lat, lon, height = ecef_to_geodetic(coordinates)
     return lat, lon, height, np.swapaxes(rotation_en(lat, lon), 1, 2) @ C_e
 
 

@@ -28,7 +28,7 @@ from ..text.text import Source, format_rows
 from .pos_covariance import DOWN_FROM_UP, signed_roots
 
 POSITION_VELOCITY = np.r_[0:3, 6:9]  # places in a covariance of position, attitude and velocity
-CODES = (1, 2, 3, 4, 5, 6)  # of quality, from fix to ppp, as the legend lists them
+CODES = (1, 2, 3, 4, 5, 6)  # codes of quality, from fix to ppp: as RTKLIB's legend lists them
 LEGEND = (
     "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
     " satellites)\n"
@@ -170,9 +170,9 @@ def write_antenna_pos(
         )
     fixes = antenna_fixes(source, lever_m)
     fixes = replace(fixes, quality=np.full(fixes.time.size, quality))
-    own = (
+    comments = (
         "program   : insgnss",
         f"antenna positions of the smoothed inertial solution; Q is {quality} throughout, ns, age"
         " and ratio are not known",
     )
-    write_rtklib_pos(fixes, path, comments=own, digits=13)
+    write_rtklib_pos(fixes, path, comments=comments, digits=13)

@@ -12,7 +12,7 @@ from .tiff_tags import ASCII, RATIONAL, SRATIONAL, UNDEFINED, Value
 from .xmp import Properties
 
 ARGUMENTS, CONFIG = "exiftool.args", "exiftool.config"
-NAMES = {
+EXIFTOOL_NAMES = {
     0x9000: "ExifIFD:ExifVersion",
     0x9405: "ExifIFD:CameraElevationAngle#",
     0: "GPS:GPSVersionID#",
@@ -65,7 +65,7 @@ def arguments(
     for (prefix, uri), values in new.items():
         rows += [f"-XMP-{prefix}:{old}=" for old in stale.get(uri, ()) if old not in values]
         rows += [f"-XMP-{prefix}:{key}={value}" for key, value in values.items()]
-    rows += [f"-{NAMES[tag]}={_text(value)}" for tag, value in exif.items()]
+    rows += [f"-{EXIFTOOL_NAMES[tag]}={_text(value)}" for tag, value in exif.items()]
     return "\n".join([*rows, "-charset", "filename=utf8", f"./{name}", "-execute\n"])
 
 

@@ -68,8 +68,7 @@ STALE: dict[str, tuple[str, ...]] = {
 OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
 TAG_ANGLES = ("Yaw", "Pitch", "Roll")
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
-# bytes that are copied at a time, so that an image of any size takes 4 MB of memory
-COPIED_BYTES = 1 << 22
+COPIED_BYTES = 1 << 22  # bytes copied at a time: an image of any size takes 4 MB of memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,7 +281,7 @@ def _tags(
     """Return a function that makes the tags of a row."""
     ypr, sigma_ypr = true_north_ypr(eo)
     sigma = local_sigma(eo)
-    turn, words = gimbal_angles(eo, ypr[:, 0], gimbal)
+    turn, gimbal_texts = gimbal_angles(eo, ypr[:, 0], gimbal)
     position = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
     elevation = np.degrees(np.arcsin(np.clip(eo.C_Ec[:, 2, 2], -1.0, 1.0)))
 
@@ -294,7 +293,7 @@ def _tags(
             sigma_ypr=np.degrees(sigma_ypr[k]).tolist(),
             elevation=float(elevation[k]),
             gimbal=None if turn is None else turn[k].tolist(),
-            gimbal_words=words[k],
+            gimbal_words=gimbal_texts[k],
             when=calendar_from_gps(eo.gps_week, float(eo.time[k])),
             sea_level=at_sea,
             frame=frame_words(eo),
@@ -331,7 +330,7 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
     read = reader(stream)
     who = str(source)
     if read(0, 2) == b"\xff\xd8":
-        head, rest = with_tags(
+        head, content_start = with_tags(
             read,
             size,
             who,
@@ -339,7 +338,7 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
             lambda xmp: packet(xmp, tags, who),
         )
         yield head
-        yield from _from(stream, rest)
+        yield from _from(stream, content_start)
         return
     if read(0, 2) not in (b"II", b"MM"):
         raise InputError.in_file(
@@ -411,8 +410,8 @@ def exif_tags(
 
 def _sexagesimal(degrees: float) -> list[tuple[int, int]]:
     """Return degrees, minutes, seconds to a millionth of a second, 0.03 mm."""
-    minutes, rest = divmod(round(abs(degrees) * 3.6e9), 60_000_000)
-    return [(minutes // 60, 1), (minutes % 60, 1), (rest, 1_000_000)]
+    minutes, microseconds = divmod(round(abs(degrees) * 3.6e9), 60_000_000)
+    return [(minutes // 60, 1), (minutes % 60, 1), (microseconds, 1_000_000)]
 
 
 def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
@@ -425,7 +424,7 @@ def _properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
     heights = (
         "above mean sea level" if tags.sea_level else f"above the ellipsoid of {tags.datum_name}"
     )
-    own = {
+    described = {
         "Software": f"insgnss {__version__}",
         "Frame": tags.frame,
         "Heights": heights,
@@ -459,4 +458,4 @@ def _properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
         }
     if tags.rtk_flag is not None:
         dji["RtkFlag"] = str(tags.rtk_flag)
-    return {("Camera", PIX4D): camera, ("drone-dji", DJI): dji, ("insgnss", OWN): own}
+    return {("Camera", PIX4D): camera, ("drone-dji", DJI): dji, ("insgnss", OWN): described}

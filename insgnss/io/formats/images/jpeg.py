@@ -37,7 +37,7 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
     InputError
         A broken chain, a segment that stands twice, or a new one too long for a JPEG.
     """
-    segments, rest = _segments(read, size, who)
+    segments, content_start = _segments(read, size, who)
     for start, change, kind in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
         places = [
             k
@@ -60,7 +60,7 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
         b"\xff" + bytes([marker]) + (len(content) + 2).to_bytes(2, "big") + content
         for marker, content in segments
     ]
-    return b"\xff\xd8" + b"".join(parts), rest
+    return b"\xff\xd8" + b"".join(parts), content_start
 
 
 def exif_of(read: Read, size: int, who: str) -> bytes:

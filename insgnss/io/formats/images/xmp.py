@@ -50,10 +50,10 @@ def set_properties(
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise _broken(who, "declares a document type")
     ours = [(prefix, uri, (*values, *stale.get(uri, ()))) for (prefix, uri), values in new.items()]
-    for own, uri, names in [*ours, *((None, uri, names) for uri, names in stale.items())]:
+    for own_prefix, uri, names in [*ours, *((None, uri, names) for uri, names in stale.items())]:
         bound = set(re.findall(rf'xmlns:([\w.-]+)\s*=\s*["\']{re.escape(uri)}["\']', text))
         # ours as well where it stands for a sibling of the namespace
-        for prefix in bound | ({own} if own else set()):
+        for prefix in bound | ({own_prefix} if own_prefix else set()):
             text = _without(text, prefix, names)
     rdf = next(iter(re.findall(rf'xmlns:([\w.-]+)\s*=\s*["\']{re.escape(RDF)}["\']', text)), "rdf")
     about = re.search(rf'{rdf}:about\s*=\s*("[^"]*"|\'[^\']*\')', text)
@@ -64,8 +64,8 @@ def set_properties(
             f"\n  {prefix}:{name}={quoteattr(value)}" for name, value in values.items()
         )
     text = re.sub(rf"<{rdf}:RDF([^>]*)/>", rf"<{rdf}:RDF\1></{rdf}:RDF>", text)
-    head, end, rest = text.rpartition(f"</{rdf}:RDF>")
-    text = f"{head}{entry}/>\n{end}{rest}"
+    head, end, foot = text.rpartition(f"</{rdf}:RDF>")
+    text = f"{head}{entry}/>\n{end}{foot}"
     if not end or not _once(text, new, stale):
         raise _broken(who, "is not well formed")
     return text.encode("utf-8")
@@ -83,13 +83,13 @@ def _once(text: str, new: Properties, stale: Mapping[str, tuple[str, ...]]) -> b
         root = parse_xml("", text.strip().encode("utf-8"))
     except InputError:
         return False
-    seen: dict[str, int] = {}
+    count: dict[str, int] = {}
     for element in root.iter():
         for key in (element.tag, *element.attrib):
-            seen[str(key)] = seen.get(str(key), 0) + 1
+            count[str(key)] = count.get(str(key), 0) + 1
     ours = {f"{{{uri}}}{name}" for (_, uri), values in new.items() for name in values}
     gone = {f"{{{uri}}}{name}" for uri, names in stale.items() for name in names} - ours
-    return all(seen.get(key) == 1 for key in ours) and not gone & set(seen)
+    return all(count.get(key) == 1 for key in ours) and not gone & set(count)
 
 
 def _broken(who: str, message: str) -> InputError:

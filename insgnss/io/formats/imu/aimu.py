@@ -20,10 +20,11 @@ from ..text.text import FileLine, Source, parsed_rows
 from ..text.units import DEG
 from .imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 
-N_FIELDS = 13  # numbers of a sentence, from sync to temperature
+N_FIELDS = 13  # numbers of a sentence, from sync to temperature: the logger's format
 # their places in the sentence
 SYNC, TIME_FIELD, GYRO_FIELDS, ACCEL_FIELDS = 0, 1, slice(6, 9), slice(9, 12)
-LOCKED_SYNC = 2  # sync of a sample that was stamped by a clock locked to the receiver's pulse
+# sync of a sample stamped by a clock locked to the receiver's pulse: the logger's format
+LOCKED_SYNC = 2
 
 
 def read_aimu(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamples:

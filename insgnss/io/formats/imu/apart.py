@@ -23,7 +23,8 @@ from ....records.interpolation import columns_at
 from ..text.order import note
 
 LOST_INTERVALS = 2.5  # intervals of the accelerometers: a single sample may be lost
-LEAST_COMMON = 0.5  # of the gyro samples
+# share of the gyro samples with accelerometers: with fewer two recordings are mixed (chosen)
+LEAST_COMMON = 0.5
 
 
 def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
@@ -59,31 +60,31 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
             f"{accel.source}: its increments have other stamps than those of {gyro.source}; write"
             " both with the same stamps, or write rates"
         )
-    force, there = _resampled(gyro.time, time, accel.accel, gyro.quantity)
-    kept = np.count_nonzero(there)
-    if kept < LEAST_COMMON * there.size:
+    force, covered = _resampled(gyro.time, time, accel.accel, gyro.quantity)
+    kept = np.count_nonzero(covered)
+    if kept < LEAST_COMMON * covered.size:
         raise InputError(
-            f"{accel.source}: has samples for {kept} of the {there.size} gyro samples of"
+            f"{accel.source}: has samples for {kept} of the {covered.size} gyro samples of"
             f" {gyro.source} ({time[0]:.3f} to {time[-1]:.3f} s against {gyro.time[0]:.3f} to"
             f" {gyro.time[-1]:.3f} s); both files must be of one recording and one clock"
         )
     rates = [1.0 / float(np.median(np.diff(t))) for t in (time, gyro.time)]
     inside = np.count_nonzero((gyro.time > time[0]) & (gyro.time <= time[-1]))
     missing = inside - kept  # the first may lack the begin of its interval
-    left = f"; {missing} gyro samples without accelerometers left out" if missing > 1 else ""
+    remark = f"; {missing} gyro samples without accelerometers left out" if missing > 1 else ""
     done = note(
         "IMU files",
         f"accelerometers ({rates[0]:.4g} Hz) resampled to the gyros' stamps ({rates[1]:.4g} Hz)"
-        f"{left}",
+        f"{remark}",
         "both with the same stamps",
-        "" if not left else "check the accelerometer file for gaps",
+        "" if not remark else "check the accelerometer file for gaps",
     )
     return replace(
         gyro,
-        time=gyro.time[there],
-        gyro=gyro.gyro[there],
-        accel=force[there],
-        temperature=None if gyro.temperature is None else gyro.temperature[there],
+        time=gyro.time[covered],
+        gyro=gyro.gyro[covered],
+        accel=force[covered],
+        temperature=None if gyro.temperature is None else gyro.temperature[covered],
         notes=(*notes, done),
         units=units,
     )
@@ -104,8 +105,8 @@ def _resampled(
         integral = np.cumsum(force * steps[:, None], axis=0)
         gained = columns_at(wanted, time, integral) - columns_at(begin, time, integral)
         out = gained / (wanted - begin)[:, None]
-    there = (begin >= time[0]) & (wanted <= time[-1])
+    covered = (begin >= time[0]) & (wanted <= time[-1])
     lacking = np.diff(time) > LOST_INTERVALS * float(np.median(np.diff(time)))
     for k in np.flatnonzero(lacking):
-        there &= (wanted <= time[k]) | (begin >= time[k + 1])
-    return out, there
+        covered &= (wanted <= time[k]) | (begin >= time[k + 1])
+    return out, covered

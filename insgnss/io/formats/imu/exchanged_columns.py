@@ -43,11 +43,11 @@ def exchanged_columns(
     if "columns" not in readers("imu")[sniff_imu(Path(path))].options.split():
         return None
     a, b = ("xyz"[k] for k in pair)
-    other = {f"g{a}": f"g{b}", f"g{b}": f"g{a}", f"a{a}": f"a{b}", f"a{b}": f"a{a}"}
+    swapped = {f"g{a}": f"g{b}", f"g{b}": f"g{a}", f"a{a}": f"a{b}", f"a{b}": f"a{a}"}
     if isinstance(columns, Mapping):
-        return {name: columns[other.get(name, name)] for name in columns}
+        return {name: columns[swapped.get(name, name)] for name in columns}
     names = columns or (None if accel_file is not None else _names(path, rate_hz))
-    return None if names is None else [other.get(name, name) for name in names]
+    return None if names is None else [swapped.get(name, name) for name in names]
 
 
 def _names(path: Source, rate_hz: float | None) -> list[str] | None:

@@ -105,11 +105,11 @@ def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamp
 
 def _of_one(columns: Columns, triad: tuple[str, ...]) -> Columns:
     """Return the columns of the file that has one triad alone."""
-    other = ACCEL if triad == GYRO else GYRO
+    second_triad = ACCEL if triad == GYRO else GYRO
     if isinstance(columns, Mapping):
-        return {name: field for name, field in columns.items() if name not in other}
-    own = dict(zip(other, triad, strict=True))
-    return None if columns is None else [own.get(name, name) for name in columns]
+        return {name: field for name, field in columns.items() if name not in second_triad}
+    role = dict(zip(second_triad, triad, strict=True))
+    return None if columns is None else [role.get(name, name) for name in columns]
 
 
 def _read(path: Source, options: ReadOptions, required: tuple[str, ...]) -> ImuSamples:

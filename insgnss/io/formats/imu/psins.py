@@ -27,7 +27,7 @@ from ..text.order import refuse_rows
 from ..text.text import TRUNCATED, FileLine, Source, load, parse
 from ..text.units import DEG
 
-HEAD_LINES, LINE_VALUES = 3, 6  # lines of the header, and values of a line, as PSINS writes them
+HEAD_LINES, LINE_VALUES = 3, 6  # lines of the header, and values of a line: as PSINS writes them
 PSINS_AXES = "right forward up"
 # counts of an increment: a larger one is no reading of a sensor (chosen)
 LARGEST_INCREMENT_COUNTS = 1e9

@@ -58,7 +58,7 @@ STATED = ("rate_hz", "samples", "axis", "sensor", "unit", "gyro_unit", "accel_un
 _TIMES = ("scale_s", "tau_s")
 _VARIANCE_KINDS = ("wavelet_variance", "allan_variance", "allan_deviation")
 _EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
-_ROUNDING = 0.01  # relative, of a published scale
+_ROUNDING = 0.01  # relative error of a published scale: tables print two digits or more
 _AXIS = re.compile(r"(gyro|accel|acc|g|a)[a-z]*[\s._]*([xyz])", re.IGNORECASE)
 # coefficients at a scale: no recording is so long, and a float still counts one by one
 MOST_COEFFICIENTS = 1e15

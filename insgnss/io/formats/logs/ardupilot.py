@@ -19,12 +19,13 @@ from ..read_options import ReadOptions
 from ..text.order import note
 from ..text.text import Source
 from ..text.units import DEG
-from .autopilot import Array, Fixes, Log, LogMessage
+from .autopilot import Array, Autopilot, Fixes, Log, LogMessage
 from .boot_clock import LONGEST_LOG_S
 from .dataflash import read_log
 
-NO_HEIGHT_M = -1e6  # the firmware writes -2^31 cm where the receiver gives no ellipsoidal height
-LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix; DGPS and RTK have larger ones
+# ellipsoidal height (m): the firmware writes -2^31 cm where the receiver gives none
+NO_HEIGHT_M = -1e6
+LEAST_STATUS = 3  # GPS.Status of a three-dimensional fix: DGPS and RTK have larger ones
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 
@@ -43,13 +44,16 @@ def _fixes(log: Log, variable: str | None) -> Fixes:
     message = log.message(("GPS", "GPS2"), variable)
     names = ("GWk", "GMS") if "GWk" in message else ("Week", "TimeMS")
     if missing := [x for x in ("Status", "Lat", "Lng", "Alt", *names) if x not in message]:
-        there = f"it has {' '.join(message.columns)}; give the log of the autopilot itself"
-        raise InputError(f"{log.path}: {message.name} has no {' '.join(missing)}; {there}")
+        present = f"it has {' '.join(message.columns)}; give the log of the autopilot itself"
+        raise InputError(f"{log.path}: {message.name} has no {' '.join(missing)}; {present}")
     status, week, ms = (message.columns[name] for name in ("Status", *names))
     boot = _boot(message)
     fixed = (status >= LEAST_STATUS) & (status < 256.0) & (week > 0.0) & (week < 1e4)
     fixed &= (ms >= 0.0) & (ms < 1e9) & (boot >= 0.0) & (boot < LONGEST_LOG_S)
     return Fixes.of(message, fixed, boot, week, 1e-3 * ms)
+
+
+ARDUPILOT = Autopilot(read_log, _fixes, _boot)
 
 
 def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
@@ -73,13 +77,12 @@ def read_imu_ardupilot(path: Source, options: ReadOptions) -> ImuSamples:
     InputError
         A log that cannot be read.
     """
-    log = read_log(path)
-    message, notes = log.message(IMU_MESSAGES, options.variable), tuple[Finding, ...]()
+    (log, message), notes = ARDUPILOT.opened(path, IMU_MESSAGES, options), tuple[Finding, ...]()
     if IMU_FIELDS[3] not in message:
         message, notes = _raw_pair(log, message)
     triads = message.floats(*IMU_FIELDS)
     options = replace(options, quantity=options.quantity or "instant_rate")
-    return log.samples(message, _fixes, _boot(message), triads, options, notes)
+    return ARDUPILOT.samples(log, message, triads, options, notes)
 
 
 def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ...]]:
@@ -89,8 +92,8 @@ def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ..
     """
     accel = log.message((gyro.name.replace("GYR", "ACC"),))
     if "SampleUS" not in gyro:
-        there = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
-        raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {there}")
+        present = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
+        raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {present}")
     time, *rates = gyro.floats("SampleUS", *IMU_FIELDS[:3])
     stamps, *forces = accel.floats("SampleUS", *IMU_FIELDS[3:])
     stamp, first = np.unique(stamps, return_index=True)
@@ -126,8 +129,9 @@ def read_gnss_ardupilot(path: Source, options: ReadOptions) -> GnssFixes:
         A log that cannot be read.
     """
     log = read_log(path)
-    fixes, cols, notes = log.fixes(_fixes, options, "Status")
-    message, undulation_m = fixes.message, options.undulation_m
+    fixes = _fixes(log, options.variable)
+    (cols, notes), message = log.columns_of(fixes, "Status"), fixes.message
+    undulation_m = options.undulation_m
     cols |= {"lat": message.columns["Lat"], "lon": message.columns["Lng"]}
     cols["h"] = message.columns["Alt"]
     accuracy = _accuracy(log, message)
@@ -182,9 +186,7 @@ def read_events_ardupilot(path: Source, options: ReadOptions) -> CameraEvents:
 
     Images are named by Img, where the message has it.
     """
-    log = read_log(path)
-    message = log.message(("CAM", "TRIG"), options.variable)
-    return log.events(message, _fixes, _boot(message), options.gps_week, "Img")
+    return ARDUPILOT.events(path, options, ("CAM", "TRIG"), "Img")
 
 
 def read_barometer_ardupilot(path: Source, options: ReadOptions) -> BarometerHeights:
@@ -193,7 +195,5 @@ def read_barometer_ardupilot(path: Source, options: ReadOptions) -> BarometerHei
     Alt counts from where the autopilot last calibrated it; the standard height of Press jumps
     nowhere.
     """
-    log = read_log(path)
-    message = log.message(("BARO", "BARO2", "BAR2"), options.variable)
     labels = {"pressure": "Press", "h": "Alt"}
-    return log.heights(message, _fixes, _boot(message), options.gps_week, labels)
+    return ARDUPILOT.heights(path, options, ("BARO", "BARO2", "BAR2"), labels)

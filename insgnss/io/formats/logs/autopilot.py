@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....base.wording import named
 from ....records import Array, BarometerHeights, CameraEvents, Finding, ImuSamples
-from ..barometer import ROWS, heights_from_columns
+from ..barometer import BAROMETER_ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
 from ..read_options import ReadOptions
 from ..text.clock import agree_on_week, stale_weeks, weeks_in_step
 from ..text.order import NumberedRows, note, refuse_rows
+from ..text.text import Source
 from .boot_clock import BootClock, fit_clock
 
 Tables = dict[str, dict[str, Array]]
@@ -54,8 +55,8 @@ class LogMessage:
     def floats(self, *labels: str) -> list[Array]:
         """Return columns; InputError where one is missing or has a value that is not finite."""
         if missing := [label for label in labels if label not in self.columns]:
-            there = f"it has {' '.join(self.columns)}"
-            raise InputError(f"{self.lines.path}: {self.name} has no {' '.join(missing)}; {there}")
+            has = f"it has {' '.join(self.columns)}"
+            raise InputError(f"{self.lines.path}: {self.name} has no {' '.join(missing)}; {has}")
         values = {label: self.columns[label] for label in labels}
         self.refuse_infinite(values)
         return list(values.values())
@@ -105,9 +106,9 @@ class Fixes:
 
     def left_out(self, rows: int) -> tuple[Finding, ...]:
         """Return the notes on the messages without a fix, of so many, and on stale weeks."""
-        left, wrong = rows - self.boot.size, int((self.week != self.named_week).sum())
-        text = f"{left} messages without a fix left out"
-        notes = (note("GNSS rows", text, "a fix each", ""),) if left else ()
+        n_without, wrong = rows - self.boot.size, int((self.week != self.named_week).sum())
+        text = f"{n_without} messages without a fix left out"
+        notes = (note("GNSS rows", text, "a fix each", ""),) if n_without else ()
         return (*notes, stale_weeks("GNSS rows", wrong, self.week.size)) if wrong else notes
 
 
@@ -138,90 +139,99 @@ class Log:
         """
         chosen = variable or next((name for name in names if name in self.tables), None)
         if chosen is None or chosen not in self.tables:
-            there = ", ".join(sorted(self.tables)) or "none"
+            present = ", ".join(sorted(self.tables)) or "none"
             wanted = chosen or " or ".join(names)
-            raise AbsentError(f"{self.path}: no {self.kind} {wanted}; there are {there}")
+            raise AbsentError(f"{self.path}: no {self.kind} {wanted}; there are {present}")
         return LogMessage(chosen, self.tables[chosen], NumberedRows(self.path, chosen))
 
-    def clock(self, fixes_of: "FixesOf", gps_week: int | None) -> BootClock:
+    def columns_of(self, fixes: Fixes, quality: str) -> tuple[dict[str, Any], tuple[Finding, ...]]:
+        """Return the columns of time and quality of fixes, and the notes on what is left out.
+
+        `quality` is the autopilot's column of it.
+        """
+        message = fixes.message
+        cols = {"tow": fixes.tow, "week": fixes.week, "q": message.qualities(quality)}
+        rows = self.tables[message.name][quality].size
+        return cols, (*self.notes("GNSS rows"), *fixes.left_out(rows))
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """What all readers of a program's logs share: its log, its receiver's fixes, its stamps.
+
+    `fixes_of` takes the rows of a receiver's message, by the caller's `variable`, where there is a
+    fix; `boot_of` the stamps of a message, s since the autopilot's start.
+    """
+
+    read: Callable[[Source], Log]
+    fixes_of: Callable[[Log, str | None], Fixes]
+    boot_of: Callable[[LogMessage], Array]
+
+    def opened(
+        self, path: Source, names: tuple[str, ...], options: ReadOptions
+    ) -> tuple[Log, LogMessage]:
+        """Return a log and its message `options.variable`, else the first of `names` there is."""
+        log = self.read(path)
+        return log, log.message(names, options.variable)
+
+    def clock(self, log: Log, gps_week: int | None) -> BootClock:
         """Return the autopilot's clock by its receiver's fixes; InputError for another week.
 
         Without any fix the stamps stay those since power-up.
         """
         try:
-            fixes = fixes_of(self, None)
+            fixes = self.fixes_of(log, None)
         except AbsentError:
             return BootClock(gps_week)
-        clock = fit_clock(self.path, fixes.boot, fixes.week, fixes.tow)
+        clock = fit_clock(log.path, fixes.boot, fixes.week, fixes.tow)
         assert clock.gps_week is not None  # that of the fixes
         agree_on_week(fixes.message.lines, clock.gps_week, gps_week)
         return clock
 
-    def fixes(
-        self, fixes_of: "FixesOf", options: ReadOptions, quality: str
-    ) -> tuple[Fixes, dict[str, Any], tuple[Finding, ...]]:
-        """Return the fixes, their columns of time and quality, and the notes on what is left out.
-
-        `quality` is the autopilot's column of it.
-        """
-        fixes = fixes_of(self, options.variable)
-        message = fixes.message
-        cols = {"tow": fixes.tow, "week": fixes.week, "q": message.qualities(quality)}
-        rows = self.tables[message.name][quality].size
-        return fixes, cols, (*self.notes("GNSS rows"), *fixes.left_out(rows))
-
     def on_gpst(
-        self, message: LogMessage, fixes_of: "FixesOf", boot: Array, gps_week: int | None, rows: str
+        self, log: Log, message: LogMessage, gps_week: int | None, rows: str
     ) -> tuple[Array, int | None, tuple[Finding, ...]]:
-        """Return stamps of the autopilot, s, on GPST, their week, and the notes on both."""
-        clock = self.clock(fixes_of, gps_week)
+        """Return the stamps of a message, s, on GPST, their week, and the notes on both."""
+        boot, clock = self.boot_of(message), self.clock(log, gps_week)
         time = clock.gpst(message.lines, boot)
-        return time, clock.gps_week, (clock.note(rows), *self.notes(rows))
+        return time, clock.gps_week, (clock.note(rows), *log.notes(rows))
 
     def samples(
         self,
+        log: Log,
         message: LogMessage,
-        fixes_of: "FixesOf",
-        boot: Array,
         triads: list[Array],
         options: ReadOptions,
         notes: tuple[Finding, ...] = (),
     ) -> ImuSamples:
-        """Return samples of six columns in SI, at stamps of the autopilot, s."""
+        """Return samples of six columns in SI, at the stamps of a message."""
         cols = dict(zip((*GYRO, *ACCEL), triads, strict=True))
         message.refuse_infinite(cols)
-        week, rows = options.gps_week, "IMU rows"
-        cols["tow"], week, (of_clock, *of_log) = self.on_gpst(message, fixes_of, boot, week, rows)
+        of_rows = self.on_gpst(log, message, options.gps_week, "IMU rows")
+        cols["tow"], week, (of_clock, *of_log) = of_rows
         notes, options = (of_clock, *notes, *of_log), replace(options, gps_week=week)
         return imu_from_columns(cols, message.lines, Scales(1.0, 1.0), options, notes)
 
     def events(
-        self, message: LogMessage, fixes_of: "FixesOf", boot: Array, week: int | None, images: str
+        self, path: Source, options: ReadOptions, names: tuple[str, ...], images: str
     ) -> CameraEvents:
-        """Return events at stamps of the autopilot, s, named by a column of whole numbers."""
-        names = None
+        """Read the events of a message of `names`, named by a column of whole numbers."""
+        log, message = self.opened(path, names, options)
+        numbers = None
         if images in message:
             (column,) = message.floats(images)
             whole = np.where(column == np.floor(column), column, np.nan)
             message.refuse_infinite({images: whole})
-            names = tuple(str(int(k)) for k in whole)
-        time, week, notes = self.on_gpst(message, fixes_of, boot, week, "event rows")
-        return events_in_order(names, time, message.lines, week, notes)
+            numbers = tuple(str(int(k)) for k in whole)
+        time, week, notes = self.on_gpst(log, message, options.gps_week, "event rows")
+        return events_in_order(numbers, time, message.lines, week, notes)
 
     def heights(
-        self,
-        message: LogMessage,
-        fixes_of: "FixesOf",
-        boot: Array,
-        week: int | None,
-        labels: Mapping[str, str],
+        self, path: Source, options: ReadOptions, names: tuple[str, ...], labels: Mapping[str, str]
     ) -> BarometerHeights:
-        """Return heights at stamps of the autopilot, s, by the labels of `pressure` and `h`."""
+        """Read the heights of a message of `names`, by the labels of `pressure` and `h`."""
+        log, message = self.opened(path, names, options)
         cols = {name: message.columns[x] for name, x in labels.items() if x in message}
         message.refuse_infinite(cols)
-        time, week, notes = self.on_gpst(message, fixes_of, boot, week, ROWS)
+        time, week, notes = self.on_gpst(log, message, options.gps_week, BAROMETER_ROWS)
         return heights_from_columns(cols, time, message.lines, week, notes)
-
-
-FixesOf = Callable[[Log, str | None], Fixes]
-"""What gives the rows of a log's receiver, by the caller's `variable`, where there is a fix."""

@@ -101,9 +101,9 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
     drift = 0.0
     pick = np.unique(np.linspace(0, boot_s.size - 1, MOST_MESSAGES).astype(np.int64))
     i, k = np.triu_indices(pick.size, 1)
-    apart = boot_s[pick[k]] - boot_s[pick[i]]
-    if (far := apart > LEAST_DRIFT_SPAN_S).any():
-        drift = float(np.median((difference[pick[k]] - difference[pick[i]])[far] / apart[far]))
+    spacing = boot_s[pick[k]] - boot_s[pick[i]]
+    if (far := spacing > LEAST_DRIFT_SPAN_S).any():
+        drift = float(np.median((difference[pick[k]] - difference[pick[i]])[far] / spacing[far]))
     residual = difference - drift * (boot_s - reference_s)
     offset = float(np.median(residual))
     spread = float(np.median(np.abs(residual - offset)))

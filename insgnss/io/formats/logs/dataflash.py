@@ -20,7 +20,7 @@ NEEDS_PYMAVLINK = (
     "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
-FMT = 128  # number of the kind of message that gives the formats of all others
+FMT = 128  # number of the message that gives the formats of all others: the format's
 LOST_LIMIT = 0.01  # share of bytes or lines that are no message: torn ones are fewer (chosen)
 TEXT_TYPES = "nNZMa"  # letters of a format: texts, modes (which logs as text name), arrays
 
@@ -56,7 +56,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         raise InputError.in_file(path, f"{problem}; copy it again from the card")
     kinds, places = kinds[:n], places[:n]
     tables: Tables = {}
-    odd = [f"{n_lost} bytes that belong to no message left out"] if n_lost else []
+    notes = [f"{n_lost} bytes that belong to no message left out"] if n_lost else []
     for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
         starts = places[kinds == kind]
         types = [FORMAT_TO_STRUCT.get(letter) for letter in form]
@@ -73,9 +73,10 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
             for i, label in enumerate(labels)
             if dtype[i].kind in "iuf"
         }
-        odd += _by_instance(tables, name, table)
-    odd += [f"the file ends within a message at byte {cut}, which is left out"] if cut >= 0 else []
-    return Log(str(path), tables, tuple(odd))
+        notes += _by_instance(tables, name, table)
+    if cut >= 0:
+        notes.append(f"the file ends within a message at byte {cut}, which is left out")
+    return Log(str(path), tables, tuple(notes))
 
 
 def _formats(
@@ -99,7 +100,7 @@ def _text(path: Source) -> Log:
     labels: dict[str, list[str]] = {}
     forms: dict[str, str] = {}
     rows: dict[str, list[list[float]]] = {}
-    odd, lines = 0, decode(bytes(buf[:-1])).split("\n")
+    n_lost, lines = 0, decode(bytes(buf[:-1])).split("\n")
     for text in through(lines):
         name, *fields = (field.strip() for field in text.split(","))
         if name == "FMT" and len(fields) > 4 and fields[2] not in rows:
@@ -110,13 +111,13 @@ def _text(path: Source) -> Log:
         elif text.strip() and not (
             name == "FMT" and labels.get(fields[2] if len(fields) > 2 else "") == fields[4:]
         ):
-            odd += 1
+            n_lost += 1
     whole = [line for line in lines if line.strip()]
-    if odd > LOST_LIMIT * len(whole) or not rows:
-        problem = f"{odd} of {len(whole)} lines are no message (limit {LOST_LIMIT:.0%})"
+    if n_lost > LOST_LIMIT * len(whole) or not rows:
+        problem = f"{n_lost} of {len(whole)} lines are no message (limit {LOST_LIMIT:.0%})"
         raise InputError.in_file(path, f"{problem}; is it an ArduPilot log?")
     tables: Tables = {}
-    notes = [f"{odd} lines that are no message left out"] if odd else []
+    notes = [f"{n_lost} lines that are no message left out"] if n_lost else []
     for name, values in rows.items():
         table = dict(zip(labels[name], np.array(values).T.copy(), strict=True))
         notes += _by_instance(tables, name, table)

@@ -29,8 +29,9 @@ IMU_MESSAGE = "sensor_msgs/msg/Imu"
 NEEDS_ROSBAGS = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"
 BAG_KIND = "whole ROS bag; copy it again"
 BAG_ENDINGS = (".db3", ".mcap")
-SHARED = 1000  # messages between two shares that are said
-EPOCH_S = 1e9  # stamps above count from 1970 (September 2001), others from a start of their own
+SHARED = 1000  # messages between two reports of progress: a terminal needs no more
+# stamp (s): larger ones count from 1970 (September 2001), others from a start of their own
+EPOCH_S = 1e9
 
 
 def bag_file(path: Path) -> Path:

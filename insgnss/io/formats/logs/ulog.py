@@ -23,18 +23,18 @@ from ..read_options import ReadOptions
 from ..text.layout import printable
 from ..text.text import Source, load_bytes
 from ..text.units import DEG
-from .autopilot import Fixes, Log, Tables, as_float
+from .autopilot import Array, Autopilot, Fixes, Log, LogMessage, Tables, as_float
 from .boot_clock import LONGEST_LOG_S
 
 NEEDS_PYULOG = (
     "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]';"
     f" {DOCTOR}"
 )
-ULOG_HEADER_BYTES = 16  # magic, version and start of the log
-LEAST_FIX = 3  # fix_type of a three-dimensional fix; differential and RTK fixes have larger ones
-TO_RECEIVER = 128  # bit of the length in gps_dump of what the autopilot sent to the receiver
-READ_AGAIN = 8  # times the size of a file that may be read
-MICRO = 1e-6  # s of a microsecond, PX4's unit of stamps
+ULOG_HEADER_BYTES = 16  # bytes of magic, version and start of the log: the format's
+LEAST_FIX = 3  # fix_type of a three-dimensional fix: differential and RTK fixes have larger ones
+TO_RECEIVER = 128  # bit of the length in gps_dump: the autopilot sent these bytes to the receiver
+READ_AGAIN = 8  # times the size of a file that may be read: pyulog's search may go back without end
+MICRO = 1e-6  # microsecond (s): PX4's unit of stamps
 GNSS_TOPICS = ("vehicle_gps_position", "sensor_gps")
 BAROMETER_TOPICS = ("vehicle_air_data",)
 EVENT_TOPICS = ("camera_capture", "camera_trigger")
@@ -88,11 +88,11 @@ def read_log(path: Source) -> Log:
             for label, column in columns.items()
             if column.dtype.kind in "iufb"
         }
-    odd = ["damaged messages left out"] if log.file_corruption else []
-    odd += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
+    findings = ["damaged messages left out"] if log.file_corruption else []
+    findings += [f"{len(log.dropouts)} dropouts of the logger"] if log.dropouts else []
     if end != buf.size and not log.file_corruption:
-        odd.append(f"the file ends within a message at byte {end}, which is left out")
-    return Log(str(path), tables, tuple(odd), "topic")
+        findings.append(f"the file ends within a message at byte {end}, which is left out")
+    return Log(str(path), tables, tuple(findings), "topic")
 
 
 def receiver_bytes(path: Source) -> bytes:
@@ -110,6 +110,12 @@ def receiver_bytes(path: Source) -> bytes:
     return data[(np.arange(len(labels)) < size[:, None]) & sent[:, None]].tobytes()
 
 
+def _boot(message: LogMessage) -> Array:
+    """Return the stamps of PX4's samples, s: those of the sensor where the topic has them."""
+    label = "timestamp_sample" if "timestamp_sample" in message else "timestamp"
+    return MICRO * message.floats(label)[0]
+
+
 def _fixes(log: Log, variable: str | None) -> Fixes:
     """Return the rows of a receiver's topic where there is a fix."""
     message = log.message(GNSS_TOPICS, variable)
@@ -124,6 +130,9 @@ def _fixes(log: Log, variable: str | None) -> Fixes:
     sample = message.columns.get("timestamp_sample", stamp)
     boot = MICRO * np.where(sample > 0.0, sample, stamp)
     return Fixes.of(message, fixed, boot, np.full(utc.size, float(week)), np.round(seconds, 6))
+
+
+PX4 = Autopilot(read_log, _fixes, _boot)
 
 
 def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
@@ -146,13 +155,11 @@ def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
     InputError
         A log that cannot be read.
     """
-    log = read_log(path)
-    message = log.message(("sensor_combined", "vehicle_imu"), options.variable)
+    log, message = PX4.opened(path, ("sensor_combined", "vehicle_imu"), options)
     if "delta_angle[0]" in message:
         labels = [f"{name}[{k}]" for name in ("delta_angle", "delta_velocity") for k in range(3)]
         intervals = ("delta_angle_dt", "delta_velocity_dt")
-        stamp, *values, dt_gyro, dt_accel = message.floats("timestamp", *labels, *intervals)
-        stamp = message.columns.get("timestamp_sample", stamp)
+        *values, dt_gyro, dt_accel = message.floats(*labels, *intervals)
         if not ((dt_gyro > 0.0) & (dt_accel > 0.0)).all():
             advice = f"set {named('variable')} to sensor_combined"
             raise InputError(
@@ -163,8 +170,8 @@ def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
         ]
     else:
         labels = [f"{name}[{k}]" for name in ("gyro_rad", "accelerometer_m_s2") for k in range(3)]
-        stamp, *columns = message.floats("timestamp", *labels)
-    return log.samples(message, _fixes, MICRO * stamp, columns, options)
+        columns = message.floats(*labels)
+    return PX4.samples(log, message, columns, options)
 
 
 def read_gnss_ulog(path: Source, options: ReadOptions) -> GnssFixes:
@@ -188,8 +195,8 @@ def read_gnss_ulog(path: Source, options: ReadOptions) -> GnssFixes:
         A log that cannot be read.
     """
     log = read_log(path)
-    fixes, cols, notes = log.fixes(_fixes, options, "fix_type")
-    message = fixes.message
+    fixes = _fixes(log, options.variable)
+    (cols, notes), message = log.columns_of(fixes, "fix_type"), fixes.message
     for short, spellings in _ULOG_FIELDS.items():
         label, factor = next((pair for pair in spellings if pair[0] in message), spellings[0])
         cols[short] = factor * message.floats(label)[0]
@@ -214,17 +221,10 @@ def read_gnss_ulog(path: Source, options: ReadOptions) -> GnssFixes:
 
 def read_events_ulog(path: Source, options: ReadOptions) -> CameraEvents:
     """Read the shutter instants on GPST, named by their seq."""
-    log = read_log(path)
-    message = log.message(EVENT_TOPICS, options.variable)
-    (stamp,) = message.floats("timestamp")
-    return log.events(message, _fixes, MICRO * stamp, options.gps_week, "seq")
+    return PX4.events(path, options, EVENT_TOPICS, "seq")
 
 
 def read_barometer_ulog(path: Source, options: ReadOptions) -> BarometerHeights:
     """Read the heights of a barometer on GPST: of its pressure, else those of the topic."""
-    log = read_log(path)
-    message = log.message(BAROMETER_TOPICS, options.variable)
-    label = "timestamp_sample" if "timestamp_sample" in message else "timestamp"
-    names = {"pressure": "baro_pressure_pa", "h": "baro_alt_meter"}
-    (stamp,) = message.floats(label)
-    return log.heights(message, _fixes, MICRO * stamp, options.gps_week, names)
+    labels = {"pressure": "baro_pressure_pa", "h": "baro_alt_meter"}
+    return PX4.heights(path, options, BAROMETER_TOPICS, labels)

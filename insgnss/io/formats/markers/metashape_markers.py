@@ -45,7 +45,7 @@ def write_metashape_markers(
     check_characters(measured.points, "point")
     rows = {name: k for k, name in enumerate(ground.points)}
     sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
-    seen = measured.observations
+    marks = measured.observations
     wkt = first_wkt(crs_of(crs).to_2d(), "metashape_markers")
 
     def lines() -> Iterator[str]:
@@ -80,7 +80,7 @@ def write_metashape_markers(
             yield "      </marker>"
         yield "    </markers>"
         yield f"    <reference>{xml_text(wkt)}</reference>"
-        accuracy = float(np.sqrt(np.mean(seen.sigma_px**2)))
+        accuracy = float(np.sqrt(np.mean(marks.sigma_px**2)))
         yield "    <settings>"
         yield f'      <property name="accuracy_projections" value="{accuracy:.4g}"/>'
         yield "    </settings>"
@@ -89,10 +89,10 @@ def write_metashape_markers(
         yield "        <markers>"
         for k in range(len(measured.points)):
             yield f'          <marker marker_id="{k}">'
-            for row in np.flatnonzero(seen.point == k).tolist():
-                u, v = seen.uv[row]
+            for row in np.flatnonzero(marks.point == k).tolist():
+                u, v = marks.uv[row]
                 yield (
-                    f'            <location camera_id="{seen.image[row]}" pinned="true"'
+                    f'            <location camera_id="{marks.image[row]}" pinned="true"'
                     f' x="{u:.4f}" y="{v:.4f}"/>'
                 )
             yield "          </marker>"

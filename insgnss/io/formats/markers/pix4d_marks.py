@@ -27,12 +27,12 @@ def write_pix4d_marks(measured: ImagePoints, path: Source) -> None:
     """
     check_names(measured.images, ",")
     check_names(measured.points, ",", "point")
-    seen = measured.observations
-    sigma = np.sqrt(np.mean(seen.sigma_px**2, axis=1))
+    obs = measured.observations
+    sigma = np.sqrt(np.mean(obs.sigma_px**2, axis=1))
     rows = (
         f"{measured.images[i]},{measured.points[p]},{u:.4f},{v:.4f},{s:.4g}\n"
         for i, p, (u, v), s in zip(
-            seen.image.tolist(), seen.point.tolist(), seen.uv.tolist(), sigma.tolist(), strict=True
+            obs.image.tolist(), obs.point.tolist(), obs.uv.tolist(), sigma.tolist(), strict=True
         )
     )
     atomic_write(path, "".join(rows))

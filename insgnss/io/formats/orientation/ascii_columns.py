@@ -55,11 +55,11 @@ Array = NDArray[np.float64]
 CAMERA_AXES = {"RUB": "x right, y up, z back", "CV": "x right, y down, z viewing direction"}
 ROTATION_SENSES = ("camera to frame", "frame to camera")
 NORTHS = ("true", "frame")
-ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}  # of a radian
+ANGLE_FACTORS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}  # of a radian
 # of numbers by their kind: below any standard deviation of a survey (chosen)
 DECIMALS = {"degree": 10, "metre": 4, "sigma": 5, "angle": 6, "angle sigma": 6}
 DECIMALS |= {"matrix": 12, "second": 6, "whole": 0}
-NOT_GIVEN = "NaN"  # stands in the place of a column that a program expects
+PLACEHOLDER = "NaN"  # stands in the place of a column that a program expects
 # takes viewing direction, right, down into x, y, z of CV
 GIMBAL_CV: Array = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
@@ -241,7 +241,7 @@ def numbers_of(eo: Placed, columns: str | Sequence[str], how: Conventions | None
     out = np.empty((len(eo.images), len(names)))
     for k, column in enumerate(names):
         group = COLUMN_GROUPS[GROUP_OF[column]]
-        unit = ANGLE_UNITS[how.unit] if group.kind.startswith("angle") else 1.0
+        unit = ANGLE_FACTORS[how.unit] if group.kind.startswith("angle") else 1.0
         out[:, k] = unit * blocks[GROUP_OF[column]][:, group.columns.index(column)]
     return out
 
@@ -257,7 +257,7 @@ def line_form(
     def form(name: str) -> str:
         if name == "image":
             return "%s"
-        return name if name == NOT_GIVEN else f"%.{decimals[kind_of(name, eo.frame.kind)]}f"
+        return name if name == PLACEHOLDER else f"%.{decimals[kind_of(name, eo.frame.kind)]}f"
 
     return separator.join(map(form, column_names(columns)))
 
@@ -279,7 +279,7 @@ def write_columns(
     path : path
         The file.
     columns : str
-        The template, "image" first, with `NOT_GIVEN` for what stays open.
+        The template, "image" first, with `PLACEHOLDER` for what stays open.
     separator : str
         Of the columns: a comma, or a blank.
     head : str
@@ -296,6 +296,6 @@ def write_columns(
     """
     images = eo.images if images is None else images
     check_names(images, separator.strip() or None)
-    numbers = [name for name in column_names(columns) if name not in ("image", NOT_GIVEN)]
+    numbers = [name for name in column_names(columns) if name not in ("image", PLACEHOLDER)]
     form = line_form(eo, columns, separator) + "\n"
     atomic_write(path, table_text(head, images, form, numbers_of(eo, numbers)))

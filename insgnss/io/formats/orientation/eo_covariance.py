@@ -20,12 +20,12 @@ from ..text.text import Source
 
 FILE = "eo_covariance.npz"
 COVARIANCE_FORMAT = "insgnss strip covariance"
-FORMAT_VERSION = 1  # of the arrays in the file; the reader refuses another one
-NONE = -1  # strip of an image that is in none
+FORMAT_VERSION = 1  # version of the arrays in the file: the reader refuses another one
+NONE = -1  # strip of an image that is in none: rows count from 0
 AGAIN = "process the flight again"
 SMALL_ARRAYS = ("format", "format_version", "images", "segment", "common")
-PART_TOLERANCE = 1e-6  # of a variance, by which a part of it may exceed it
-AGREEMENT = 1e-9  # of the standard deviations, between a block on the diagonal and cov6
+PART_TOLERANCE = 1e-6  # share of a variance by which a part of it may exceed it: rounding
+AGREEMENT = 1e-9  # share of the sigmas between a strip's block and cov6: rounding
 
 
 def write_eo_covariance(
@@ -138,8 +138,8 @@ def read_common_errors(path: Source, eo: ExteriorOrientation) -> CommonErrors | 
         common = CommonErrors(segment[rows], factor[rows])
     variance = np.diagonal(eo.cov, axis1=1, axis2=2)
     too_large = (common.factor**2).sum(axis=2) > variance * (1.0 + PART_TOLERANCE)
-    if (off := too_large.any(axis=1)).any():
-        name = eo.images[int(np.argmax(off))]
+    if (excessive := too_large.any(axis=1)).any():
+        name = eo.images[int(np.argmax(excessive))]
         raise _foreign(
             path, f"the covariance that image {name} shares with other images exceeds its cov6"
         )
@@ -195,11 +195,11 @@ def _refuse_other_covariances(
 ) -> None:
     """Raise InputError where blocks on the diagonal are not those of the orientation."""
     m, cov = strip.rows.size, eo.cov[strip.rows]
-    own = strip.blocks[np.arange(m), np.arange(m)]
+    of_strip = strip.blocks[np.arange(m), np.arange(m)]
     sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0.0))
     limit = AGREEMENT * sigma[:, :, None] * sigma[:, None, :]
-    if (off := (np.abs(own - cov) > limit).any(axis=(1, 2))).any():
-        name = eo.images[int(strip.rows[int(np.argmax(off))])]
+    if (differs := (np.abs(of_strip - cov) > limit).any(axis=(1, 2))).any():
+        name = eo.images[int(strip.rows[int(np.argmax(differs))])]
         raise _foreign(path, f"the covariance of image {name} differs from its cov6 in eo.json")
 
 

@@ -36,12 +36,13 @@ from .relative_csv import relative_member
 Array = NDArray[np.float64]
 
 EO_FORMAT = "insgnss exterior orientation"
-FORMAT_VERSION = 1  # of one camera, its numbers in the text
-PACKED_VERSION = 2  # of one camera, its numbers in the archive beside
+FORMAT_VERSION = 1  # version of one camera, its numbers in the text: the first
+# version of one camera, its numbers in the archive beside: readers of 1 refuse it
+PACKED_VERSION = 2
 RIG_VERSION = 3  # of several cameras, packed or not: a reader of one camera must not take it
 VERSIONS = (FORMAT_VERSION, PACKED_VERSION, RIG_VERSION)
 WGS84 = "WGS84 (EPSG:4979)"
-AGREEMENT = 1e-9  # rad
+AGREEMENT = 1e-9  # rotation between C_mc and quaternion (rad): rounding of what is printed
 TINY_NUMBERS = re.compile(rb"[eE]-[0-9]{3}|0{300}")  # in each number below 1e-300
 OF_A_RIG = {
     "camera": "which of `cameras` took the image; images stand in the order of time",
@@ -251,12 +252,12 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
         )
     if unsound := _unsound(eo):
         raise InputError.in_file(path, f"{unsound}; the file was edited; export it again")
-    off = (
+    disagrees = (
         np.abs(rotation_from_quaternion(quaternion) - eo.C_mc).max(axis=(1, 2), initial=0.0)
         > AGREEMENT
     )
-    if off.any() or not is_rotation(eo.C_mc):
-        name = eo.images[int(np.argmax(off))]
+    if disagrees.any() or not is_rotation(eo.C_mc):
+        name = eo.images[int(np.argmax(disagrees))]
         raise InputError.in_file(
             path,
             f"image {name}: C_mc and quaternion disagree, or C_mc is no rotation; the file was"
@@ -354,8 +355,8 @@ def _rig(content: dict[str, Any], packed: eo_packed.Unpacked | None) -> RigImage
     rig = RigImages(cameras, number)
     last = rig.next_of_camera < 0
     none = [[0.0] * 6] * 6
-    given = [image["cross_cov6_next_of_camera"] for image in images]
-    if not last.all() and all(values is None for values in given):
+    crosses = [image["cross_cov6_next_of_camera"] for image in images]
+    if not last.all() and all(values is None for values in crosses):
         return rig
     filled = [
         image | {"cross_cov6_next_of_camera": none} if alone else image
@@ -369,8 +370,8 @@ def _unsound(eo: ExteriorOrientation) -> str:
     rows = [np.arange(len(eo))] if eo.rig is None else eo.rig.rows
     falls = np.zeros(len(eo), dtype=bool)
     falls[1:] = np.diff(eo.time) < 0.0
-    for own in rows:
-        falls[own[1:]] |= np.diff(eo.time[own]) <= 0.0
+    for of_camera in rows:
+        falls[of_camera[1:]] |= np.diff(eo.time[of_camera]) <= 0.0
     if falls.any():
         return (
             f"image {eo.images[int(np.argmax(falls))]}: its time does not follow that of the image"

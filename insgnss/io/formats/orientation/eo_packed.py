@@ -62,7 +62,7 @@ class Unpacked:
 def meanings(eo: ExteriorOrientation) -> dict[str, str]:
     """Return what the arrays of `packed` are, in words."""
     arrays = ARRAYS | ({} if eo.rig is None else RIG_ARRAYS)
-    return {name: words for name, (_, words) in arrays.items()}
+    return {name: meaning for name, (_, meaning) in arrays.items()}
 
 
 def packed(eo: ExteriorOrientation) -> tuple[bytes, str]:
@@ -77,8 +77,8 @@ def packed(eo: ExteriorOrientation) -> tuple[bytes, str]:
         "quaternion_wxyz": quaternion_from_rotation(eo.C_mc),
         "cov6_upper": eo.cov[:, UPPER[0], UPPER[1]],
     }
-    given = (eo.cross, eo.velocity_mps, eo.rate_radps)
-    arrays |= {k: v for k, v in zip(OPTIONAL, given, strict=True) if v is not None}
+    optional = (eo.cross, eo.velocity_mps, eo.rate_radps)
+    arrays |= {k: v for k, v in zip(OPTIONAL, optional, strict=True) if v is not None}
     if eo.rig is not None:
         arrays["camera"] = eo.rig.number.astype(np.float64)
         if eo.rig.cross is not None:

@@ -35,12 +35,12 @@ from ....geodesy.rotation import skew
 from ....records import Array, FramedOrientation
 from ....records.relative import GAP_S
 from ..text.text import Source, format_rows
-from .exported import check_choice, check_frame, check_names, comment_lines
+from .exported import check_choice, check_names, comment_lines
 from .poses import inverse_covariance, positive
 from .tum import wxyz_last
 
 # factor of the rotation vector in the error of an edge (G.2), and what the file calls it
-ROTATIONS = {
+G2O_ROTATIONS = {
     "quaternion": (0.5, "quaternion vector (half the rotation vector, g2o's own error)"),
     "vector": (1.0, "rotation vector (GTSAM's error; g2o's own needs rotation=quaternion)"),
 }
@@ -73,10 +73,9 @@ def write_g2o(
     DataError
         A pair whose covariance has no inverse.
     """
-    check_frame(eo, "g2o")
     check_names(eo.images, "\n")
-    check_choice("rotation", rotation, ROTATIONS)
-    factor, description = ROTATIONS[rotation]
+    check_choice("rotation", rotation, G2O_ROTATIONS)
+    factor, description = G2O_ROTATIONS[rotation]
     first, second, cross = _edges(eo, positive(max_gap_s, "max_gap_s", "seconds"))
     measured, P = relative_pose(eo, (first, second), cross, factor)
     named = zip(first, second, strict=True)

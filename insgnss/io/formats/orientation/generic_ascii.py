@@ -31,7 +31,7 @@ from ....records.framed import FRAME_KINDS, GEOCENTRIC
 from ..text.numbers import finite, whole_rows
 from ..text.text import Source, TextTable, read_text_table
 from .ascii_columns import (
-    ANGLE_UNITS,
+    ANGLE_FACTORS,
     CAMERA_AXES,
     COLUMN_GROUPS,
     DECIMALS,
@@ -59,7 +59,7 @@ CHOICES: dict[str, Collection[str]] = {
     "length_unit": LENGTH_UNITS,
     "delimiter": DELIMITERS,
     "header": HEADER_FORMS,
-    "unit": ANGLE_UNITS,
+    "unit": ANGLE_FACTORS,
     "camera_axes": CAMERA_AXES,
     "attitude": ROTATION_SENSES,
     "north": NORTHS,
@@ -136,8 +136,8 @@ def write_generic_ascii(
         north=facing,
     )
     if length_unit is not None:
-        own = LENGTH_UNITS[length_unit]
-        eo = replace(eo, frame=replace(eo.frame, units=(own, own)))
+        length = LENGTH_UNITS[length_unit]
+        eo = replace(eo, frame=replace(eo.frame, units=(length, length)))
     how = Conventions(camera_axes, attitude, facing, unit, eo.frame.units)
     names = column_names(columns)
     _check_columns(eo, names, how)
@@ -230,14 +230,14 @@ def _length_words(units: tuple[LengthUnit, LengthUnit]) -> str:
     return f"plan {plan}, heights {height}"
 
 
-def _lengths(words: str) -> tuple[LengthUnit, LengthUnit]:
+def _lengths(text: str) -> tuple[LengthUnit, LengthUnit]:
     """Return what `_length_words` has written; ValueError for other words."""
-    units = re.fullmatch(r"plan (.+) = (\S+) m, heights (.+) = (\S+) m", words)
+    units = re.fullmatch(r"plan (.+) = (\S+) m, heights (.+) = (\S+) m", text)
     if units is None:
-        raise ValueError(words)
+        raise ValueError(text)
     plan, height = LengthUnit(units[1], finite(units[2])), LengthUnit(units[3], finite(units[4]))
     if not (plan.metres > 0.0 and height.metres > 0.0):
-        raise ValueError(words)
+        raise ValueError(text)
     return plan, height
 
 
@@ -278,10 +278,10 @@ class AsciiOrientation:
         Camera axes are x right, y down, z viewing direction.
         """
         groups = {group: self.block(group) for group in ROTATIONS}
-        given = next((group for group in groups if groups[group] is not None), None)
-        if given is None:
+        stated = next((group for group in groups if groups[group] is not None), None)
+        if stated is None:
             return None
-        R = ROTATIONS[given](groups[given])
+        R = ROTATIONS[stated](groups[stated])
         if self.how.attitude != ROTATION_SENSES[0]:
             R = R.swapaxes(1, 2)
         return R @ CV_RUB if self.how.camera_axes == "RUB" else R
@@ -308,11 +308,11 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
         Another header, or an unknown column, with file and line.
     """
     table = read_text_table(path)
-    words = _header_words(path)
+    head = _header_words(path)
     try:
-        kind, axes = words["frame kind"], words["camera axes"].partition(" ")[0]
-        lengths = _lengths(words["length units"]) if "length units" in words else (METRE, METRE)
-        how = Conventions(axes, words["attitude"], words["north"], words["angle unit"], lengths)
+        kind, axes = head["frame kind"], head["camera axes"].partition(" ")[0]
+        lengths = _lengths(head["length units"]) if "length units" in head else (METRE, METRE)
+        how = Conventions(axes, head["attitude"], head["north"], head["angle unit"], lengths)
     except KeyError as missing:
         message = (
             f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
@@ -320,7 +320,7 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
         )
         raise InputError.in_file(path, message) from None
     except ValueError:
-        message = f"length units {words['length units']!r} are unknown; export the table again"
+        message = f"length units {head['length units']!r} are unknown; export the table again"
         raise InputError.in_file(path, message) from None
     stated = {"unit": how.unit, "camera_axes": axes, "attitude": how.attitude, "north": how.north}
     if kind not in FRAME_KINDS or any(stated[option] not in CHOICES[option] for option in stated):
@@ -346,7 +346,7 @@ def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventio
     if kind == "degree":
         return np.radians(table.floats(k))
     if kind.startswith("angle"):
-        return table.floats(k) / ANGLE_UNITS[how.unit]
+        return table.floats(k) / ANGLE_FACTORS[how.unit]
     if kind in ("metre", "sigma"):
         return table.floats(k) * how.lengths[of_height(name)].metres
     if kind == "whole":
@@ -356,12 +356,12 @@ def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventio
 
 def _header_words(path: Source) -> dict[str, str]:
     """Return what the comment lines before the table state, by key."""
-    words: dict[str, str] = {}
+    stated: dict[str, str] = {}
     with opened_text(path, errors="replace") as stream:
         for line in stream:
             if not line.startswith("#"):
                 break
             key, colon, value = line[1:].partition(":")
             if colon:
-                words.setdefault(key.strip(), value.strip())
-    return words
+                stated.setdefault(key.strip(), value.strip())
+    return stated

@@ -137,12 +137,12 @@ class MountingFile:
     set_in_body: bool = False
 
     def __post_init__(self) -> None:
-        own = {key: value for key, value in self.values().items() if key != DELAY}
-        mounting = Mounting(**own)  # refuses what no vector and no rotation is
-        for key in own:
+        stated = {key: value for key, value in self.values().items() if key != DELAY}
+        mounting = Mounting(**stated)  # refuses what no vector and no rotation is
+        for key in stated:
             if key != "antenna_sigma_m":
                 object.__setattr__(self, key, getattr(mounting, key))
-        if self.camera_from_body is not None and "camera_from_body" not in own:
+        if self.camera_from_body is not None and "camera_from_body" not in stated:
             turn = Mounting(camera_from_body=self.camera_from_body).camera_from_body
             object.__setattr__(self, "camera_from_body", turn)
         for key in VECTORS:
@@ -379,11 +379,11 @@ def read_mounting_file(
     root.check_keys()
     if not root.data:
         raise InputError.in_file(path, "is empty; a table [mounting] is expected")
-    table, camera, made = (root.table(key) for key in ("mounting", "camera", "calibration"))
-    fields = _made(made) | _values(table, camera_from_body)
+    table, camera, calibration = (root.table(key) for key in ("mounting", "camera", "calibration"))
+    fields = _made(calibration) | _values(table, camera_from_body)
     if DELAY in camera.data:
         fields[DELAY] = camera.number(DELAY, None, -LONGEST_DELAY_S, LONGEST_DELAY_S)
-    where = {DELAY: camera, "date": made}
+    where = {DELAY: camera, "date": calibration}
     try:
         return MountingFile(path=path, **fields), root
     except InputError as refusal:
@@ -405,8 +405,8 @@ def _values(table: OptionTable, camera_from_body: ArrayLike) -> dict[str, Any]:
         raise table.error("boresight_deg", "boresight is given as well; keep one of them")
     named = table.table("boresight_deg")
     if len(named.data) != 1:
-        words = ", ".join(ANGLE_SETS)
-        problem = f"name one angle set, such as {{ opk = [..] }}; known are {words}"
+        known = ", ".join(ANGLE_SETS)
+        problem = f"name one angle set, such as {{ opk = [..] }}; known are {known}"
         raise table.error("boresight_deg", problem)
     (angle_set,) = named.data
     turn = fields.get("camera_from_body", camera_from_body)

@@ -14,7 +14,7 @@ from ..text.text import Source
 from .eo_covariance import opened_archive
 
 POSES_COVARIANCE_FILE = "poses_covariance.npz"
-MATCHES = 0.02  # relative difference of a standard deviation from the table's, whose digits are few
+MATCHES = 0.02  # relative difference of two standard deviations: the table prints few digits
 
 
 def write_pose_covariance(images: Sequence[str], cov: Array, path: Source) -> None:

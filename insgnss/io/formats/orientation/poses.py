@@ -14,7 +14,7 @@ from .ascii_columns import numbers_of
 from .exported import YPR, angles_of, comment_lines
 
 EPOCH = np.datetime64("1970-01-01", "us")
-LARGEST_GEOID_M = 110.0  # m, geoid heights lie within -107 and 86 m
+LARGEST_GEOID_M = 110.0  # geoid height (m): they lie within -107 and 86 m
 
 
 def unix_seconds(eo: FramedOrientation) -> Array:

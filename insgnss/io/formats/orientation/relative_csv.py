@@ -37,7 +37,7 @@ OUT = TableOut(
     + f" {COVARIANCE.replace(' ', '=%.9e ')}=%.9e"
 )
 SPEC = TableSpec.exactly(OUT.names, text=True)
-UNIT_LENGTH = 1e-6  # by which the length of a printed quaternion may differ from 1
+UNIT_LENGTH = 1e-6  # length of a printed quaternion less 1: rounding of twelve digits
 # m stay m, rad become deg, of offset and rotation
 _DEGREES = np.array([1.0] * 3 + [180.0 / np.pi] * 3)
 _IN_WORDS = {

@@ -33,7 +33,7 @@ from .inpho import read_inpho_cameras
 CAMERA_HEAD_BYTES = 1 << 14  # bytes by which a format is told: comments before a camera are shorter
 KALIBR = ("radtan", "equidistant", "none")  # distortions of its pinhole cameras
 KALIBR_KEYS = ("camera_model", "distortion_model", "intrinsics", "resolution", "distortion_coeffs")
-# of the first pixel from its outer corner, where a program counts from the centre
+# first pixel's centre from its outer corner (px): OpenCV counts from the centre
 CENTRE_SHIFT_PX = 0.5
 PERSPECTIVE = "Perspective"  # the model of a Bentley camera that is no fisheye
 CAMERA_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"

@@ -18,7 +18,7 @@ from ..text.numbers import finite
 from ..text.text import Source
 from .poses import Array
 
-WGS84_A = 6378137.0  # half the longer axis of the ellipsoids of WGS 84 and GRS 80 (m)
+WGS84_A = 6378137.0  # semi-major axis of WGS 84 and GRS 80 (m): their definitions
 SAME_AXIS_M = 1.0  # difference up to which an ellipsoid is one of them: the nearest other has 2 m
 STEP_DEG = 1e-5  # northward way over which the direction of north in the map is measured: 1 m
 WGS84_NAME = "World Geodetic System 1984"  # name of its datum, an ensemble as well

@@ -36,9 +36,10 @@ RADIAL_TERMS = 5  # of RADIAL_COEFFS that a camera has a place for: K0 to K4
 DECENTRING_TERMS = 2  # of DECENTRE_COEFFS that have a place: P1 and P2
 EXCHANGED = "-p2x"  # behind a direction: P2 is that of x
 FIELD = re.compile(r"\$(\w+)\s*:([^$]*)")  # of a camera: its name and its values
-COORDINATE_SYSTEM = re.compile(r"\$COORDINATE_SYSTEM\s*:\s*([^$]+)")  # well-known text, or a name
+INPHO_CRS = re.compile(r"\$COORDINATE_SYSTEM\s*:\s*([^$]+)")  # well-known text, or a name
 SAME_TURN = 0.1  # of elements of two cameras' rotations: sensors are turned by quarters (chosen)
-FROM_CENTRE_PX = 0.5  # of the first pixel from its outer corner, where Inpho counts from the centre
+# first pixel's centre from its outer corner (px): Inpho counts from the centre
+FROM_CENTRE_PX = 0.5
 
 
 def read_inpho_cameras(path: Source, direction: str | None = None) -> tuple[BrownCamera, ...]:
@@ -220,7 +221,7 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
     R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
     notes = (f"{left_out} photographs without orientation are left out",) if left_out else ()
     C = R.swapaxes(1, 2) @ np.array(turned).swapaxes(1, 2)
-    systems = {" ".join(text.split()) for text in COORDINATE_SYSTEM.findall(decoded(path))}
+    systems = {" ".join(text.split()) for text in INPHO_CRS.findall(decoded(path))}
     wkt = systems.pop() if len(systems) == 1 else ""
     kind, crs = kind_of_wkt(wkt, path) if "[" in wkt else ("", "")
     return ReturnedPoses(images, np.array(rows), C, kind, crs, notes=notes)

@@ -108,10 +108,10 @@ def checked_rotations(R: Array, names: Sequence[str], path: Source) -> Array:
     InputError
         The first that is none, by more than its printed digits leave.
     """
-    off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
-    off = np.where(np.linalg.det(R) > 0.0, off, np.inf)
-    if (off > ROUND).any():
-        k = int(np.argmax(off > ROUND))
+    deviation = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    deviation = np.where(np.linalg.det(R) > 0.0, deviation, np.inf)
+    if (deviation > ROUND).any():
+        k = int(np.argmax(deviation > ROUND))
         raise InputError.in_file(
             path, f"the matrix of image {shown(names[k])} is no rotation; export it again"
         )

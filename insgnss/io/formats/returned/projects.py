@@ -60,11 +60,11 @@ def read_bentley(path: Source) -> ReturnedPoses:
     for block in root.iter("Block"):
         of_block = text_of(block.find("SRSId"))
         for group in block.iter("Photogroup"):
-            own = text_of(group.find("SRSId")) or of_block
+            of_group = text_of(group.find("SRSId")) or of_block
             Q = _camera_axes(group.findtext("CameraOrientation", "XRightYDown").strip(), path)
             for photo in group.iter("Photo"):
                 name = text_of(photo.find("ImagePath"))
-                pose, system = _pose(photo, own)
+                pose, system = _pose(photo, of_group)
                 if pose is None:
                     left_out += 1
                     continue
@@ -205,8 +205,8 @@ def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
     position, C = poses.position[rows], poses.C_mc[rows]
     covs = [P[rows] for P in (poses.cov_position, poses.cov_attitude)]
     kind, crs = GEOCENTRIC if on_globe(of, poses.local) else "", ""
-    if kind and (other := of_other_ellipsoid(of.crs(), position, path)) is not None:
-        kind, crs, position, R = other
+    if kind and (on_ellipsoid := of_other_ellipsoid(of.crs(), position, path)) is not None:
+        kind, crs, position, R = on_ellipsoid
         C, covs = R @ C, [R @ P @ R.swapaxes(1, 2) for P in covs]
     return ReturnedPoses(
         names,
@@ -241,8 +241,8 @@ def read_colmap(path: Source) -> ReturnedPoses:
     UsageError
         A binary model without pycolmap.
     """
-    given = Path(path)
-    file = given / "images.txt" if given.is_dir() else given
+    location = Path(path)
+    file = location / "images.txt" if location.is_dir() else location
     if file.name != "images.txt" or not file.is_file():
         names, position, C = read_colmap_poses(path)
         return ReturnedPoses(image_names(names, path), position, C)
@@ -252,20 +252,20 @@ def read_colmap(path: Source) -> ReturnedPoses:
     poses_next = True
     for line, text in enumerate(lines_of(decoded(file)), start=1):
         if text.startswith("#"):
-            words = text.split()
-            if words[1:2] == ["shift:"]:
-                shift = np.array(numbers(words[2:5], file, line))
+            fields = text.split()
+            if fields[1:2] == ["shift:"]:
+                shift = np.array(numbers(fields[2:5], file, line))
                 if shift.size != 3:
                     problem = f"{shown(text)}: a shift is three numbers; copy the file again"
                     raise InputError.at_line(file, line, problem)
             continue
         if poses_next:
-            words = text.split(maxsplit=9)
-            if not words:
+            fields = text.split(maxsplit=9)
+            if not fields:
                 continue
-            check_fields(file, line, words, 10, text)
-            named.append(words[9].strip())
-            rows.append(numbers(words[1:8], file, line))
+            check_fields(file, line, fields, 10, text)
+            named.append(fields[9].strip())
+            rows.append(numbers(fields[1:8], file, line))
         poses_next = not poses_next
     table = np.reshape(rows, (-1, 7))
     images = image_names(named, file)

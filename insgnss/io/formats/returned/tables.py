@@ -35,20 +35,20 @@ from ..text.text import Source, check_fields, decoded, numbered_lines
 from .crs import COORDINATE_SYSTEM, kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
-OPK_COLUMNS = 7  # name, X, Y, Z and three angles
+OPK_COLUMNS = 7  # fields of a line: name, X, Y, Z and three angles
 IGN_HEADER = re.compile(r"\s*nom\s+x\s+y\s+z\s+o\s+p\s+k\b", re.IGNORECASE)
 IGN_UNITS = {"g": 0.9, "d": 1.0, "r": float(np.degrees(1.0))}  # deg of a unit, by its first letter
-MATRIX_COLUMNS = 16  # these, and nine elements of the matrix
-SAME = 1e-3  # of a matrix and of the angles beside it
+MATRIX_COLUMNS = 16  # fields of a line: those of OPK_COLUMNS and nine elements of the matrix
+SAME = 1e-3  # elements of a matrix against its angles: both are printed with few digits
 FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
 ACCURACIES = "x_acc", "y_acc", "z_acc"  # of reference coordinates, m
 # what an export of positions calls the coordinates, with the code of its CRS behind the first
 REFERENCE_NAMES = {"easting": "x", "northing": "y", "height": "z"}
 EPSG = re.compile(r"EPSG:\d+(?:\+\d+)?")
 ODM_FIELDS = 4, 7, 9  # of a line: name and position, angles, accuracies
-PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
+PIX4D_LINES = 10  # lines of an image in calibrated_camera_parameters: the format
 EXTERNAL, PIX4D_CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
-FAR_M = 1e4  # positions without offset lie nearer to zero than this
+FAR_M = 1e4  # coordinate (m): positions without their offset lie nearer to zero
 
 
 def read_metashape_opk_text(path: Source) -> ReturnedPoses:
@@ -73,16 +73,16 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
     for line, text in enumerate(lines_of(decoded(path)), start=1):
         if not text.strip() or text.startswith("#"):
             continue
-        words = text.split("\t") if "\t" in text else text.split()
-        check_fields(path, line, words, MATRIX_COLUMNS, text)
-        values = numbers(words[1:], path, line)
+        fields = text.split("\t") if "\t" in text else text.split()
+        check_fields(path, line, fields, MATRIX_COLUMNS, text)
+        values = numbers(fields[1:], path, line)
         R = rotation_from_opk(np.radians([values[3:6]]))[0]
-        given = np.reshape(values[6:], (3, 3))
-        if min(np.abs(given - R.T).max(), np.abs(given - R).max()) > SAME:
+        matrix = np.reshape(values[6:], (3, 3))
+        if min(np.abs(matrix - R.T).max(), np.abs(matrix - R).max()) > SAME:
             raise InputError.at_line(
                 path, line, "the matrix is not that of omega, phi, kappa; export the cameras again"
             )
-        names.append(words[0])
+        names.append(fields[0])
         rows.append(values[:6])
     return _of_angles(path, names, np.reshape(rows, (-1, 6)))
 
@@ -264,16 +264,16 @@ def _name_xyz_opk(
     """
     names, rows = [], []
     for line, text in enumerate(lines_of(decoded(path)), start=1):
-        words = text.replace(",", " ").lstrip("# ").split()
-        if line <= skipped or not words or words[0].lower() == first:
+        fields = text.replace(",", " ").lstrip("# ").split()
+        if line <= skipped or not fields or fields[0].lower() == first:
             continue
-        if len(words) != columns:
+        if len(fields) != columns:
             commas = "; are the decimal signs commas? write decimal points" if "," in text else ""
             raise InputError.at_line(
-                path, line, f"{len(words)} fields, expected {columns}: {shown(text)}{commas}"
+                path, line, f"{len(fields)} fields, expected {columns}: {shown(text)}{commas}"
             )
-        names.append(words[0])
-        rows.append(numbers(words[1:OPK_COLUMNS], path, line))
+        names.append(fields[0])
+        rows.append(numbers(fields[1:OPK_COLUMNS], path, line))
     return names, np.reshape(rows, (-1, 6))
 
 
@@ -302,13 +302,13 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
     for first in range(0, len(rows), PIX4D_LINES):
         section = rows[first : first + PIX4D_LINES]
         if len(section) < PIX4D_LINES or len(section[0][1]) < 3:
-            line, words = section[-1] if len(section) < PIX4D_LINES else section[0]
+            line, fields = section[-1] if len(section) < PIX4D_LINES else section[0]
             problem = (
-                f"{shown(' '.join(words))}: an image has {PIX4D_LINES} lines; copy the file again"
+                f"{shown(' '.join(fields))}: an image has {PIX4D_LINES} lines; copy the file again"
             )
             raise InputError.at_line(path, line, problem)
         names.append(" ".join(section[0][1][:-2]))
-        values = [numbers(words, path, line) for line, words in section[6:]]
+        values = [numbers(fields, path, line) for line, fields in section[6:]]
         if [len(v) for v in values] != [3, 3, 3, 3]:
             raise InputError.at_line(
                 path, section[6][0], "position and rotation are not 4 x 3; copy it again"
@@ -335,10 +335,10 @@ def _beside_pix4d(
     offset, notes = np.zeros(3), []
     beside = file.with_name(f"{project}_offset.xyz")
     if project and beside.is_file():
-        words = " ".join(lines_of(decoded(beside))).split()
-        if len(words) != len(offset):
-            raise InputError.at_line(beside, 1, f"{len(words)} numbers, expected 3; copy it again")
-        offset = np.array(numbers(words, beside, 1))
+        fields = " ".join(lines_of(decoded(beside))).split()
+        if len(fields) != len(offset):
+            raise InputError.at_line(beside, 1, f"{len(fields)} numbers, expected 3; copy it again")
+        offset = np.array(numbers(fields, beside, 1))
     elif float(np.abs(position).max(initial=0.0)) < FAR_M:
         notes.append(
             f"{file.name}: no {project or '<project>'}_offset.xyz beside it; coordinates are taken"

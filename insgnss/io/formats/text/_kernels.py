@@ -236,7 +236,7 @@ def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
                     i += 1
                     while buf[i] in _BLANKS and buf[i] != delimiter:
                         i += 1
-                    if buf[i] == _NEWLINE:
+                    if buf[i] == _NEWLINE and col + 2 < n_fields:  # the last one may be empty
                         return row, TOO_FEW, start, line
         if c == delimiter:  # one delimiter may close a line
             i += 1

@@ -123,14 +123,14 @@ class TableSpec:
             line = None if columns is not None else layout.header_line
             how = (
                 f"set {_listed()} of {', '.join(self.names)}, with '-' for what is to be left out,"
-                f" or {written('columns {...}', BY_NAME)}"
+                f" or {written('columns {...}', COLUMNS_EXAMPLE)}"
             )
             raise UnnamedColumns.at_line(path, line, f"{source} {why}", how)
         header = layout.header_fields or () if self.strict else ()
         beside = (self.ignored.get(normalised(name)[0], "") for name in header)
         ignored = " ".join(beside).split()
-        for k, own in enumerate(header):
-            name, unit = normalised(own)
+        for k, title in enumerate(header):
+            name, unit = normalised(title)
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
                 problem = f"is in {unit!r}, but must be in {units[0]}; convert it"
             elif k not in index.values() and columns is None and name not in ignored:
@@ -138,7 +138,7 @@ class TableSpec:
                 problem = f"is unknown; {near(name, self.names)}; {how}"
             else:
                 continue
-            raise InputError.at_line(path, layout.header_line, f"column {shown(own)} {problem}")
+            raise InputError.at_line(path, layout.header_line, f"column {shown(title)} {problem}")
         return index
 
     def _assigned(
@@ -223,7 +223,7 @@ class UnnamedColumns(InputError):
     """A table does not say what its columns are, or not of all that are needed."""
 
 
-BY_NAME = 'columns = { tow = "its name in the file", ... }'
+COLUMNS_EXAMPLE = 'columns = { tow = "its name in the file", ... }'
 
 
 def _listed() -> str:
@@ -291,9 +291,16 @@ class NamedTable:
         return self.table.error_at(row, message)
 
     def checked(self, incomplete: Collection[str] = ()) -> "NamedTable":
-        """Return the table; InputError where a column of numbers, none `incomplete`, holds text."""
-        if isinstance(self.table, NumberTable):
-            self.table.refuse_text(k for name, k in self.index.items() if name not in incomplete)
+        """Return the table; InputError where a column of numbers, none `incomplete`, holds text.
+
+        Rows of a recording that lack a value are left out, which `settled` notes.
+        """
+        if not isinstance(self.table, NumberTable):
+            return self
+        columns = [k for name, k in self.index.items() if name not in incomplete]
+        if self.spec.record:
+            return replace(self, table=self.table.with_values(columns))
+        self.table.refuse_text(columns)
         return self
 
     def floats(self, name: str) -> Array:
@@ -341,15 +348,24 @@ class NamedTable:
         dates: tuple[Finding, ...] = ()
         if self.index.get("tow") in getattr(self.table, "dates", ()):
             units = {"time": DATES_UNIT, **units}
-            dates = (note(rows, *DATES_FOR_STAMPS),)
+            if "utc" not in " ".join(self.fields("tow")).lower():
+                dates = (note(rows, *DATES_FOR_STAMPS),)
         fields = {
             key: self.fields(" ".join(name for name in names.split() if name not in unheeded))
             for key, names in self.spec.units.items()
         }
         line, spec = layout.header_line, self.spec
         settled = settled_units(self.path, line, spec.units, fields, units, spec.record, kinds)
-        notes = (*open_end(rows, self.table.complete), *settled.notes, *dates)
+        notes = (*open_end(rows, self.table.complete), *settled.notes, *dates, *self._left_out())
         return settled._replace(notes=notes)
+
+    def _left_out(self) -> tuple[Finding, ...]:
+        """The note on rows that lack a value; none where all have theirs."""
+        if not isinstance(self.table, NumberTable) or not (lines := self.table.left_out):
+            return ()
+        share = f"{len(lines)} of {len(lines) + len(self.table)} rows"
+        finding = f"{share} left out that lack a value, the first in line {lines[0]}"
+        return (note(f"{self.spec.record} rows", finding, "a value in every field"),)
 
     def gps_time(self, gps_week: int | None = None, unit: str = "s") -> tuple[Array, int | None]:
         """Return seconds of the first week and that week, as `clock.gps_time` does."""
@@ -451,8 +467,8 @@ class TableOut:
         form = self.separator.join(form or "%s" for form in forms) + "\n"
         rows = format_rows(form, table)
         if texts:
-            words, numbers = iter(texts), iter(table.T.tolist())
-            columns = [next(numbers if form else words) for form in forms]
+            texts_left, numbers = iter(texts), iter(table.T.tolist())
+            columns = [next(numbers if form else texts_left) for form in forms]
             rows = (form % row for row in zip(*columns, strict=True))
         if self.separator == " ":
             write_table(path, [*comments, self.names], (), rows)

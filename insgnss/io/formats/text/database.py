@@ -18,7 +18,7 @@ COLUMNS_QUERY = (
     " AS c WHERE t.schema = 'main' GROUP BY t.name"
 )
 """Of each table its kind and the largest mark of its columns, from 2 on of one that is computed."""
-INSTRUCTIONS_AT_A_TIME = 10_000  # instructions of SQLite between two looks at the budget
+INSTRUCTIONS_AT_A_TIME = 10_000  # instructions of SQLite between two looks at the budget: 0.1 ms
 FEWEST_INSTRUCTIONS = 10_000_000  # instructions for a file of any size: a tenth of a second
 BY_BYTE = 20  # instructions for each byte: a row has 8 bytes or more and is joined by about 100
 # bytes of a text or blob, or those of the file where they are fewer
@@ -64,13 +64,13 @@ def opened_database(
     except OSError as error:
         problem = f"cannot be read: {error.strerror or error}"
         raise InputError.in_file(path, problem) from None
-    left = FEWEST_INSTRUCTIONS + BY_BYTE * size
+    budget = FEWEST_INSTRUCTIONS + BY_BYTE * size
     spent = 0
 
     def exhausted() -> bool:
         nonlocal spent
         spent += INSTRUCTIONS_AT_A_TIME
-        return spent > left
+        return spent > budget
 
     try:
         if not begins:
@@ -87,6 +87,6 @@ def opened_database(
             yield connection
     except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())[:120]
-        if spent > left:
-            why = f"reading takes more steps than a file of this size needs (limit {left})"
+        if spent > budget:
+            why = f"reading takes more steps than a file of this size needs (limit {budget})"
         raise InputError.in_file(path, f"is no {kind}: {why}; {advice}") from None

@@ -31,9 +31,9 @@ from .text import parsed_rows
 
 Bytes = NDArray[np.uint8] | FileBytes
 
-PIECE_BYTES = 1 << 19  # bytes
-THREADS = 2  # that parse pieces at a time (chosen)
-ROOM = 1.1  # times the rows that the first lines promise
+PIECE_BYTES = 1 << 19  # bytes of a piece: a processor's cache holds it and its numbers (chosen)
+THREADS = 2  # threads that parse pieces: more wait for memory (chosen)
+ROOM = 1.1  # times the rows that the first lines promise: later lines may be shorter (chosen)
 NEWLINE = b"\n"
 Wanted = Mapping[str, Sequence[tuple[int | None, float]]]
 """Columns of each array by its name: column of the table, None for zeros, and its factor."""
@@ -54,13 +54,13 @@ class DirectRows:
         """The error `message` at the line of `row`."""
         with opened(self.path) as stream:
             stream.seek(self.layout.skip_to)
-            left = row
+            remaining = row
             for line, raw in enumerate(stream, start=self.layout.first_line):
                 text = decode(raw)
                 if text.strip() and not is_comment(text):
-                    if left == 0:
+                    if remaining == 0:
                         return InputError.at_line(self.path, line, message)
-                    left -= 1
+                    remaining -= 1
         return InputError.in_file(self.path, message)
 
 
@@ -135,8 +135,8 @@ class _Work:
         first = next(self.pieces(), None)
         if first is None:
             return 0
-        left = (self.buf.size - first.start) / first.buf.size
-        return first.lines if left <= 1.0 else int(ROOM * left * first.lines) + 1
+        pieces_left = (self.buf.size - first.start) / first.buf.size
+        return first.lines if pieces_left <= 1.0 else int(ROOM * pieces_left * first.lines) + 1
 
     def lines(self) -> int:
         """All lines, counted."""

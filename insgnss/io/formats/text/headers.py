@@ -27,7 +27,7 @@ TIME_UNITS = ("s", "ms", "us", "ns")
 TIME_FACTORS = {unit: SENSOR_SCALES["time"][unit] for unit in TIME_UNITS}
 SENSORS = ("gyro", "accel")
 KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
-_OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3]))_?([a-z°µ].*)")
+_OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3])|[pqr])_?([a-z°µ].*)")
 _GLUED = {
     "angle": re.compile(
         r"((?:.*_)?(?:lat(?:itude)?|lon(?:g|gitude)?|lng|course|cog))((?:deg|rad).*)"
@@ -42,8 +42,8 @@ _SHORT = {  # behind a name only, where the kind tells what is meant
     "velocity": {"ms": "m/s", "cms": "cm/s", "mms": "mm/s"},
 }
 DATUM = re.compile(r"\s*WGS[ -]?(19)?84\s*", re.IGNORECASE)  # in the brackets of a unit
-LONGEST_COLUMN_NAME = 200  # characters; a longer field of a header is no name
-_SAME = 1e-6  # of two factors
+LONGEST_COLUMN_NAME = 200  # characters: a longer field of a header is no name
+_SAME = 1e-6  # relative difference of two factors: rounding
 
 
 def normalised(name: str) -> tuple[str, str | None]:
@@ -144,7 +144,7 @@ def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
         (
             name
             for name, stem in candidates
-            if any(stem == other for other, _ in without_unit(field, kinds.get(name, ())))
+            if any(stem == cut_stem for cut_stem, _ in without_unit(field, kinds.get(name, ())))
         ),
         None,
     )

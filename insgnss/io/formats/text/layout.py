@@ -5,10 +5,14 @@ Rules, the same for all formats
     character is one of # % ! ; or where it begins with //. The delimiter is the first of tab,
     semicolon, comma and blanks that separates the first 20 data lines; a decimal comma is one where
     the delimiter is no comma and no field has a point. The header is the first line without any
-    number, under which a line of - or = may be drawn, else the last comment line before the data
-    that has as many fields as they. Everything else is data: every line has the same number of
-    fields, and the first that has not, or that is no number where a number must stand, is refused
-    with its line. Nothing is skipped and nothing is filled in.
+    number, under which a line of - or = may be drawn and a line of units stand, else the last
+    comment line before the data that has as many fields as they. Lines with fewer fields may stand
+    before a header, such as the date of a recording. Everything else is data: every line has the
+    same number of fields, and the first that has not, or that is no number where a number must
+    stand, is refused with its line. An empty field is a missing value, the last of a line behind
+    its delimiter too: where a number must stand, the row is left out and counted in tables of
+    recordings, if these are fewer than 1 % (`order.SHARE_LIMIT`), and refused in others. Nothing is
+    filled in.
 """
 
 import os
@@ -26,11 +30,12 @@ from ....base.units import LARGEST_UNIT, spells_zero
 from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
-# data lines from which delimiter, decimal sign and number of fields are taken (chosen)
+# data lines that settle delimiter, decimal sign and number of fields: all alike (chosen)
 SAMPLE_LINES = 20
 LONGEST_HEADER = 1 << 14  # characters of a header's line: a longer one is data or text (chosen)
 LONGEST_FIELD = 4096  # characters of a field: no number or name is so long, binary data are
-SCAN_BYTES = 1 << 22  # of a file that is looked through at once (chosen)
+SCAN_BYTES = 1 << 22  # bytes of a file looked through at once: 4 MB of memory (chosen)
+LONGEST_UNIT = 10  # characters of a unit under a header: degrees/s has nine, dates more (chosen)
 MOST_FIELDS = 1000  # of a line: no table of a recording has so many columns (chosen)
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
 SAVED = "not text; save the table as CSV, or its columns as .npz or .mat"
@@ -45,7 +50,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _SPELLED = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
 NUMBER = re.compile(_SPELLED, re.IGNORECASE | re.ASCII)
 _IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
-SMALLEST_PRECISE = 1e-280  # of a number with all its digits, as in tables; those below lose some
+SMALLEST_PRECISE = 1e-280  # number: smaller ones lose digits in a double
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
@@ -94,8 +99,8 @@ def float_of(text: str, decimal: str = ".") -> float | None:
     Digits are those of ASCII, without signs between them; only a zero that is written as one is
     zero, so that a number too small for a float is none.
     """
-    sign, other = (",", ".") if decimal == "," else (".", ",")
-    if not NUMBER.fullmatch(text) or other in text:
+    sign, wrong_sign = (",", ".") if decimal == "," else (".", ",")
+    if not NUMBER.fullmatch(text) or wrong_sign in text:
         return None
     x = float(text.replace(sign, "."))
     zero = x == 0.0 and spells_zero(text)
@@ -137,6 +142,13 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
     else:
         fields = [field.strip() for field in masked.removesuffix(delimiter).split(delimiter)]
     return [_MASK.sub(lambda m: quotes[int(m[1])], field) for field in fields] if quotes else fields
+
+
+def row_fields(text: str, layout: TextLayout) -> list[str]:
+    """Return the fields of a data line, the last one empty where it ends behind its delimiter."""
+    fields = split_fields(text, layout.delimiter)
+    trailing = layout.delimiter is not None and text.rstrip(" \r\n").endswith(layout.delimiter)
+    return [*fields, ""] if trailing and len(fields) == layout.n_fields - 1 else fields
 
 
 def _masked(text: str) -> tuple[str, list[str]]:
@@ -254,6 +266,36 @@ def _separates(lines: Sequence[str], delimiter: str | None) -> bool:
     )
 
 
+def _delimiter_of(texts: Sequence[str]) -> str | None:
+    return next(sign for sign in _DELIMITERS if _separates(texts, sign))
+
+
+def _lines_before_header(texts: Sequence[str]) -> int:
+    """Count the lines before a header that has more fields than each of them, as the data have.
+
+    A table whose lines all have a number has none; a torn line is not followed by a header.
+    """
+    header = next((k for k in range(len(texts) - 2, 0, -1) if not _has_number(texts[k])), 0)
+    delimiter = _delimiter_of(texts[header + 1 : SAMPLE_LINES + 1]) if header else None
+    counts = [len(split_fields(text, delimiter)) for text in texts]
+    while header and counts[header - 1] == counts[header] and not _has_number(texts[header - 1]):
+        header -= 1  # from a line of units to that of the names
+    alike = len(set(counts[header:])) == 1 and max(counts[:header], default=0) < counts[header]
+    return header if alike else 0
+
+
+def _units_row(names: Sequence[str] | None, rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Return the units in the line under a header without any; empty where it is of data."""
+    first, *data_rows = rows
+    bracketed = any("(" in name or "[" in name for name in names or "(")
+    if bracketed or not data_rows or len({len(row) for row in rows}) > 1:
+        return ()
+    units = tuple(field.strip("\"'()[] ") for field in first)
+    short = all(len(unit) <= LONGEST_UNIT for unit in units) and any(units)
+    numeric = [any(map(NUMBER.fullmatch, row)) for row in rows]
+    return units if short and not numeric[0] and all(numeric[1:]) else ()
+
+
 def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str, ...] | None:
     text = re.sub(r"^\s*(?:[#%!;]+|//)\s*", "", text)
     if len(text) > LONGEST_HEADER:
@@ -268,6 +310,7 @@ def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str
 def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> TextLayout:
     """Return the layout of the table in `buf`; InputError where there is no data line."""
     data, comments = _sample(buf)
+    data = data[_lines_before_header([text for _, _, text in data]) :]
     head = data.pop(0) if data and not _has_number(data[0][2]) else None
     if head is not None and is_binary(head[2]):
         raise InputError.at_line(path, head[0], _no_text(head[2]))
@@ -278,12 +321,25 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
     for line, _, text in data:
         refuse_long(path, line, text)
     texts = [text for _, _, text in data[:SAMPLE_LINES]]
-    delimiter = next(sign for sign in _DELIMITERS if _separates(texts, sign))
+    delimiter = _delimiter_of(texts)
     fields = [split_fields(text, delimiter) for text in texts]
+    units = _units_row(head and _header_fields(head[2], delimiter, len(fields[0])), fields)
+    if units:
+        del data[0], fields[0]
     flat = [f for row in fields for f in row if NUMBER.fullmatch(f)]
     commas = delimiter != "," and any("," in field for field in flat)
     decimal = "," if commas and not any("." in field for field in flat) else "."
-    n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
+    counts = Counter(len(row) for row in fields)
+    n_fields = counts.most_common(1)[0][0]
+    if delimiter is not None and (
+        n_fields + 1 in counts or (head and len(split_fields(head[2], delimiter)) == n_fields + 1)
+    ):  # rows whose last field is empty
+        short = (
+            text.rstrip(" \r\n")
+            for text, row in zip(texts, fields, strict=True)
+            if len(row) == n_fields
+        )
+        n_fields += all(text.endswith(delimiter) for text in short)
     line, offset, _ = data[0]
     if n_fields > MOST_FIELDS:
         problem = f"{n_fields} fields (limit {MOST_FIELDS})"
@@ -297,4 +353,7 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
     if named is None:
         return layout
     names = _header_fields(named[1], delimiter, n_fields)
+    if names is not None and units:
+        pairs = zip(names, units, strict=True)
+        names = tuple(f"{name} [{unit}]" if unit else name for name, unit in pairs)
     return replace(layout, header=named[1].strip(), header_fields=names, header_line=named[0])

@@ -19,7 +19,7 @@ from .text import Array
 
 LARGEST_NUMBER_READ = 1e12  # of a place (m) or a turn (rad): far beyond any that is real
 PLAIN = "write a plain decimal number, such as -1.5e-4"
-LARGEST_EXACT_INTEGER = 2**53  # whole numbers beyond it are not exact as a float
+LARGEST_EXACT_INTEGER = 2**53  # whole number: larger ones are not exact as a float
 
 
 def finite(text: str | None) -> float:

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,20 +28,20 @@ from .layout import (
     is_binary,
     is_comment,
     refuse_long,
+    row_fields,
     shown,
     sniff,
-    split_fields,
     unquoted,
 )
-from .order import AtLines
+from .order import SHARE_LIMIT, AtLines
 from .pieces import FileBytes, shrunk
 
 Source = str | os.PathLike[str]
-PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
+PRINT_FROM = 100_000  # numbers: of fewer Python prints as fast as a kernel is loaded
 _PLAIN_FORMAT = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
-AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault in which its line is looked for
+AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault: its line is looked for there
 TRUNCATED = "truncated: the file ends within this line; copy it again or delete the line"
-PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
+PIECES_FROM = 1 << 22  # bytes of a file: a smaller one is simply read
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +65,10 @@ class NumberTable(AtLines):
         in the order of the file.
     dates : frozenset
         Columns that hold dates; their values are seconds since 1970 (`dates`).
+    blank : mapping
+        For each column (from 0) whose fields that are no number are all empty, their number.
+    left_out : tuple of int
+        Lines of rows that were left out, since they lack a value.
     """
 
     path: str
@@ -74,6 +78,8 @@ class NumberTable(AtLines):
     complete: bool = True
     bad: Mapping[int, InputError] = field(default_factory=dict)
     dates: frozenset[int] = frozenset()
+    blank: Mapping[int, int] = field(default_factory=dict)
+    left_out: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.values)
@@ -88,6 +94,21 @@ class NumberTable(AtLines):
         for column, refusal in self.bad.items():
             if column in taken:
                 raise refusal
+
+    def with_values(self, columns: Iterable[int]) -> "NumberTable":
+        """Return the rows that have values in these columns; InputError where too many lack one.
+
+        A field that is neither a number nor empty is refused at its line.
+        """
+        lacking = [k for k in columns if k in self.bad]
+        rows = np.isnan(self.values[:, lacking]).any(axis=1)
+        if not set(lacking) <= self.blank.keys() or rows.sum() >= SHARE_LIMIT * len(self):
+            self.refuse_text(lacking)
+        if not lacking:
+            return self
+        bad = {k: refusal for k, refusal in self.bad.items() if k not in lacking}
+        out, lines = tuple(self.lines[rows].tolist()), self.lines[~rows]
+        return replace(self, values=self.values[~rows], lines=lines, bad=bad, left_out=out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +322,21 @@ def parse(
     if refused:
         dates |= _take_dates(buf, layout, values, refused)
         refused = {k: refusal for k, refusal in refused.items() if k not in dates}
-    return NumberTable(str(path), layout, values, lines, complete, refused, dates)
+    blank = _blank(buf, layout, values, refused)
+    return NumberTable(str(path), layout, values, lines, complete, refused, dates, blank)
+
+
+def _blank(
+    buf: NDArray[np.uint8], layout: TextLayout, values: Array, columns: Iterable[int]
+) -> dict[int, int]:
+    """Return the number of empty fields of each column that has no other without a number."""
+    numbers = {k: np.flatnonzero(np.isnan(values[:, k])) for k in columns}
+    rows = _fields_of(buf, layout) if numbers else []
+    return {
+        k: missing.size
+        for k, missing in numbers.items()
+        if len(rows) == len(values) and not any(rows[row][k] for row in missing.tolist())
+    }
 
 
 def _take_dates(
@@ -327,7 +362,7 @@ def _take_dates(
 def _fields_of(buf: NDArray[np.uint8], layout: TextLayout) -> list[list[str]]:
     """Fields of each line from the layout's first data line on."""
     text = decode(bytes(buf[layout.skip_to : -1]))
-    return [split_fields(row, layout.delimiter) for _, row in data_lines("", text)]
+    return [row_fields(row, layout) for _, row in data_lines("", text)]
 
 
 def _like_it(buf: NDArray[np.uint8], layout: TextLayout) -> str:
@@ -357,7 +392,7 @@ def _refusal(
     after = bytes(buf[offset : offset + AROUND_FAULT_BYTES])
     behind = after.partition(b"\n")[0]
     text = decode(before + behind).strip("\r\n")
-    fields = split_fields(text, layout.delimiter)
+    fields = row_fields(text, layout)
     quoted, advice = shown(text), "correct or delete the line"
     if is_binary(text):
         quoted, advice = ascii(text[:10]) + "...", BINARY
@@ -382,10 +417,12 @@ def _refusal(
 def _refuse_short_end(path: Source, tail: str, layout: TextLayout, line: int) -> None:
     """Refuse a last line without newline whose last number seems cut.
 
-    It has fewer decimals than in all of the ten lines before.
+    It has fewer decimals than in all of the ten lines before, or the last field is empty.
     """
-    fields = [split_fields(text, layout.delimiter)[-1] for _, text in data_lines(path, tail)]
-    *earlier, last = [field for field in fields if NUMBER.fullmatch(field)] or [""]
+    rows = [row_fields(text, layout) for _, text in data_lines(path, tail)]
+    if rows and len(rows[-1]) == layout.n_fields and not rows[-1][-1]:
+        raise InputError.at_line(path, line, TRUNCATED)
+    *earlier, last = [row[-1] for row in rows if NUMBER.fullmatch(row[-1])] or [""]
     decimals = {len(field.partition(layout.decimal)[2]) for field in earlier[-10:]}
     if (
         len(decimals) == 1
@@ -410,7 +447,7 @@ def read_text_table(path: Source) -> TextTable:
     for at_line, text in data_lines(path, content, layout.first_line):
         line = at_line.number
         refuse_long(path, line, text)
-        fields = split_fields(text, layout.delimiter)
+        fields = row_fields(text, layout)
         if len(fields) != layout.n_fields:
             status = _kernels.TOO_MANY if len(fields) > layout.n_fields else _kernels.TOO_FEW
             ends = np.flatnonzero(buf == ord("\n"))

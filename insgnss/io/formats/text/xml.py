@@ -16,7 +16,7 @@ from ....base.received.nesting import DEEPEST_NESTING
 from ....base.unpacking import check_unpacked
 from .text import Source, load_bytes
 
-PARSED_AT_A_TIME = 1 << 20  # bytes that are parsed between two looks at the limits
+PARSED_AT_A_TIME = 1 << 20  # bytes parsed between two looks at the limits: 1 MB of memory
 # or this part of those before: a mark that does not end is scanned anew with each piece
 SHARE_BEFORE = 2
 MARK_BYTES = 75  # of memory by "<": an element takes 150, with its name, an attribute and its end

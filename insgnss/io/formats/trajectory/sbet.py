@@ -31,14 +31,14 @@ from ..text.clock import check_increasing
 from ..text.order import NumberedRows, refuse_rows
 from ..text.text import Source, load_bytes
 
-SBET_FIELDS, SMRMSG_FIELDS = 17, 10  # doubles of a record, as the format has them
+SBET_FIELDS, SMRMSG_FIELDS = 17, 10  # doubles of a record: the formats'
 _FIELDS = (
     "time latitude longitude height x_velocity y_velocity z_velocity roll pitch platform_heading"
     " wander_angle x_acceleration y_acceleration z_acceleration x_rate y_rate z_rate"
 )
 FIELDS = tuple(_FIELDS.split())
-LARGEST_VALUE = 1e9  # of any value in a record
-OVERHANG_S = 1.5  # by which an SBET may exceed the span of its smrmsg
+LARGEST_VALUE = 1e9  # any value of a record: larger ones come of another order of bytes
+OVERHANG_S = 1.5  # SBET beyond the span of its smrmsg (s): the latter has 1 Hz
 ARC_MINUTE = np.pi / 180.0 / 60.0  # rad, the unit of angles in an smrmsg
 
 

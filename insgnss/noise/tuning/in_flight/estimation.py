@@ -30,7 +30,7 @@ from ....flight.processing.progress import quiet
 from ....flight.processing.recording import Recording, read_recording
 from .files import model_in_flight, planned, write
 from .result import FlightTuning
-from .words import TERMS, Beyond, beyond_spectrum, chance_of, longer_flight
+from .words import TUNED, Beyond, beyond_spectrum, chance_of, longer_flight
 
 if TYPE_CHECKING:
     from ....flight.processing.segment import Segment
@@ -262,7 +262,7 @@ def _judged(
 
     if not noise.free:
         held = tuple(
-            f"{TERMS[name]} not determined by this flight: {why}" for name, why in noise.held
+            f"{TUNED[name]} not determined by this flight: {why}" for name, why in noise.held
         )
         return False, (*held, *(_doubts(noise, ()) if noise.asks_for_more else ()))
     gain = (
@@ -292,14 +292,14 @@ def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
 
     doubts = []
     if noise.asks_for_more:
-        held = " and ".join(TERMS[name] for name, _ in noise.held)
+        held = " and ".join(TUNED[name] for name, _ in noise.held)
         doubts.append(
             f"but the innovations rule out {held} as the static model has it, by {noise.loss:.1f}"
             " in -2 log L, and determine no other value"
         )
     for name, ratio in beyond:
         doubts.append(
-            f"but {TERMS[name]} would be {ratio:.1f} times the quietest octave of straight flight,"
+            f"but {TUNED[name]} would be {ratio:.1f} times the quietest octave of straight flight,"
             " which white noise cannot be"
         )
     if doubts:

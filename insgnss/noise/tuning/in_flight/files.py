@@ -79,11 +79,11 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
 
 def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
     """Return the static model with the factors estimated, and their provenance."""
-    from .words import TERMS
+    from .words import TUNED
 
     f, static = noise.imu_factors(), recording.noise
     factors = ", ".join(
-        f"{TERMS[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
+        f"{TUNED[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
         for name in f
         if noise.sigma(name) > 0.0
     )

@@ -13,7 +13,7 @@ from ....report.charts.chart import Chart
 from ....report.document import Document, Section, Table
 from ....report.notebook import Shown
 from ....report.verdict import worst_of
-from .words import TERMS, remarks_on, spectrum_parts, white_noise_of, whiteness_rows
+from .words import TUNED, remarks_on, spectrum_parts, white_noise_of, whiteness_rows
 
 if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
@@ -82,13 +82,13 @@ class FlightTuning(Shown):
         n = self.noise
         factors = list(zip(n.names, n.factor, n.log_sigma, strict=True))
         largest = ", ".join(
-            f"{TERMS[name]} x {f:.3f} +- {f * sigma:.3f}"
+            f"{TUNED[name]} x {f:.3f} +- {f * sigma:.3f}"
             for name, f, sigma in factors
             if sigma > 0.0
         )
         rows = [
             (
-                TERMS[name],
+                TUNED[name],
                 f"{f:.3f}",
                 f"{f * sigma:.3f}" if sigma else "held",
                 white_noise_of((self.static, self.model), name),
@@ -120,7 +120,7 @@ class FlightTuning(Shown):
                     "Factors on the static model",
                     [Table(rows, ("", "factor", "standard error", "white noise")), *remarks],
                 ),
-                Section("Held", [f"{TERMS[name]}: {why}" for name, why in n.held]),
+                Section("Held", [f"{TUNED[name]}: {why}" for name, why in n.held]),
                 Section("Innovations", [innovations]),
                 Section("Spectrum", tuple(spectrum)),
                 Section("Notes", self.notes),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
     from .straight_flight import StraightFlight
 
-TERMS = {
+TUNED = {
     "white_noise": "white noise of the IMU",
     "gyro.white_noise": "gyro white noise",
     "accel.white_noise": "accelerometer white noise",
@@ -56,7 +56,7 @@ def remarks_on(n: "InFlightNoise") -> list[str]:
 def _correlations(n: "InFlightNoise") -> str:
     pairs = [(i, j) for i in range(len(n.names)) for j in range(i)]
     strong = [
-        f"{TERMS[n.names[i]]} and {TERMS[n.names[j]]} {n.correlation[i, j]:+.2f}"
+        f"{TUNED[n.names[i]]} and {TUNED[n.names[j]]} {n.correlation[i, j]:+.2f}"
         for i, j in pairs
         if abs(n.correlation[i, j]) > CORRELATES
     ]
@@ -108,7 +108,7 @@ def _advice(n: "InFlightNoise") -> list[str]:
         k = n.names.index(name)
         size = f"{n.factor[k]:.2f} +- {n.sigma(name):.2f} times what the fixes claim"
         out.append(
-            f"{TERMS[name]}: {size}; it was estimated together with the IMU's noise, so that"
+            f"{TUNED[name]}: {size}; it was estimated together with the IMU's noise, so that"
             " neither is mistaken for the other; correct the sigmas of the fixes"
         )
     return out
@@ -135,7 +135,7 @@ def spectrum_parts(
     yield from _limits(straight, static)
     for name, ratio in beyond_spectrum(straight, model, n):
         yield (
-            f"{TERMS[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations"
+            f"{TUNED[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations"
             " ask for"
         )
     strongest = sorted(straight.lines, key=lambda line: -line.above_floor)

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.compilation import njit
+from ....records import Array
 from ....records.cameras.camera import AXIS_R2
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 

@@ -17,19 +17,19 @@ along its body's -z, about which its heading is free: the nose has nothing to do
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import UsageError
-from .flights import (
-    _G,
+from insgnss.base.errors import UsageError
+from insgnss.simulation.flights import (
     MOTION_KNOT_S,
     SETTLE_S,
     SITE,
     START_TOW,
+    TURN_GRAVITY,
     FlightMotion,
-    _coordinated,
+    coordinated,
     flight_along,
     gusts,
 )
-from .motion import ExactMotion
+from insgnss.simulation.motion import ExactMotion
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def circles(
     """
     rng = np.random.default_rng(seed)
     time = _clock(minutes)
-    radius = speed_ms**2 / (_G * np.tan(np.radians(bank_deg)))
+    radius = speed_ms**2 / (TURN_GRAVITY * np.tan(np.radians(bank_deg)))
     sense, begin, towards = rng.choice([-1.0, 1.0]), *rng.uniform(0.0, 2.0 * np.pi, 2)
     phase = begin + sense * speed_ms / radius * time
     wind = wind_ms * np.array([np.cos(towards), np.sin(towards), 0.0])
@@ -73,7 +73,7 @@ def circles(
     position = np.column_stack([ring, np.full(time.size, -_FLYING_HEIGHT_M)]) + time[:, None] * wind
     position += np.stack(gust, axis=-1)
     ahead = np.stack([-np.sin(phase), np.cos(phase), np.zeros(time.size)], axis=-1) * sense
-    angles = _coordinated(position, ahead, wind) + np.stack(_shaking(time.size, rng), axis=-1)
+    angles = coordinated(position, ahead, wind) + np.stack(_shaking(time.size, rng), axis=-1)
     return _flight("circles", position, angles, start_tow)
 
 
@@ -140,7 +140,7 @@ def _leaning(position: Array, yaw: Array, wind: Array) -> Array:
     """(n, 3) roll, pitch, yaw whose body axis -z is the thrust (V.2)."""
     velocity = np.gradient(position, MOTION_KNOT_S, axis=0)
     thrust = np.gradient(velocity, MOTION_KNOT_S, axis=0) + _DRAG * (velocity - wind)
-    thrust[:, 2] -= _G
+    thrust[:, 2] -= TURN_GRAVITY
     c, s = np.cos(yaw), np.sin(yaw)
     along, across = c * thrust[:, 0] + s * thrust[:, 1], c * thrust[:, 1] - s * thrust[:, 0]
     size = np.linalg.norm(thrust, axis=1)

@@ -1,0 +1,95 @@
+"""Whether the clock of the exposures was set on the way: an interval that no trigger leaves.
+
+A trigger is even in time or along the path on each flight line, and an image that it misses leaves
+a multiple of its interval. Where one on a straight line is none, and images behind it keep to it,
+as they do not behind a late one, the camera paused or its clock was set: no data tell which, so it
+is asked.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.findings.remedies import SetKey, Step
+from ...records import Array, CameraEvents, Finding, Question
+from ...records.variances import MAD_TO_SIGMA
+
+EXPOSURE_CLOCK = "exposure clock"  # name of the check that asks (`records.verdicts`)
+# intervals of a line, from which its usual one follows, and lines without a multiple, of which more
+# are the camera's way of working (chosen)
+ENOUGH_INTERVALS, MOST_STEPS = 6, 2
+MOST_UNEVEN = 0.03  # standard deviation of the intervals of an even trigger, of the usual one
+# exposures on either side of a step that are even, at most and at least: of a late one none are
+EXPOSURES_BESIDE, FEWEST_BESIDE = 5, 3
+# of the usual interval, from its nearest multiple; and as a number of the intervals' standard
+# deviations
+OFF_MULTIPLE, OFF_SIGMAS = 0.1, 6.0
+
+
+def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.bool_]) -> Finding:
+    """Ask whether the clock of the exposures was set where an interval on a line is no multiple.
+
+    Parameters
+    ----------
+    events : CameraEvents
+        n of them.
+    way : ndarray, shape (n - 1,), m
+        From each exposure to the next.
+    straight : ndarray of bool, shape (n - 1,)
+        Whether the course is known on that way and does not turn.
+
+    Returns
+    -------
+    Finding
+        A note with the first such interval, else "ok".
+    """
+    ask = Question(EXPOSURE_CLOCK, "on a straight line, multiples of the usual interval")
+    step, of_line = np.diff(events.time), np.cumsum(~straight)
+    lines = [np.flatnonzero(straight & (of_line == k)) for k in np.unique(of_line[straight])]
+    lines = [rows for rows in lines if rows.size >= ENOUGH_INTERVALS]
+    if not lines:
+        return ask.ok("too few exposures on straight lines to compare")
+    in_time, along = (
+        [x[rows] / max(np.median(x[rows]), 1e-9) for rows in lines] for x in (step, way)
+    )
+    spread, ratios = min((_spread(in_time), in_time), (_spread(along), along), key=lambda x: x[0])
+    limit = max(OFF_MULTIPLE, OFF_SIGMAS * spread)
+    steps = [
+        (rows, ratio, k)
+        for rows, ratio in zip(lines, ratios, strict=True)
+        for k in range(rows.size)
+        if _is_step(ratio, k, limit)
+    ]
+    if spread > MOST_UNEVEN or not 0 < len(steps) <= MOST_STEPS:
+        return ask.ok(f"intervals even to {spread:.1%}")
+    rows, ratio, position = steps[0]
+    k, usual_s = int(rows[position]), float(np.median(step[rows]))
+    finding = (
+        f"{step[k]:.2f} s pass between images {events.images[k]} and {events.images[k + 1]} on a"
+        f" straight line, {ratio[position]:.2f} times the usual interval of {usual_s:.2f} s, and"
+        f" missed images leave a multiple; if the clock was set there, the stamps before lack"
+        f" {step[k] - usual_s:+.2f} s"
+    )
+    remedy = Step(
+        "add the step to the stamps before, if the clock was set; if the camera paused, set {}",
+        SetKey("accept", [EXPOSURE_CLOCK]),
+    )
+    return ask.note(finding, remedy)
+
+
+def _spread(ratios: list[Array]) -> float:
+    """Standard deviation of the intervals of lines by the usual one of each."""
+    return MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(ratios) - 1.0)))
+
+
+def _is_step(ratio: Array, k: int, limit: float) -> bool:
+    """Whether the exposures of a line behind its interval k are off those before, and all alike.
+
+    Late images among them are no sure sign of either.
+    """
+    position = np.cumsum(np.concatenate([[0.0], ratio]))
+    before, after = position[max(k + 1 - EXPOSURES_BESIDE, 0) : k + 1], position[k + 1 :]
+    sides = before - position[k], after[:EXPOSURES_BESIDE] - position[k + 1]
+    even = all(
+        x.size >= FEWEST_BESIDE and np.abs(x - np.rint(x)).max() < 0.5 * limit for x in sides
+    )
+    return even and abs(ratio[k] - max(np.rint(ratio[k]), 1.0)) > limit
