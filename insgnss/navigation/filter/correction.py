@@ -86,10 +86,10 @@ def corrected(solution: Solution, derivatives: Array, moment: Array, root: Array
         Z = piece.z[:, 1:]
         square = Z @ Z.T
         X = piece.multiples(slice(None), N_NAV)
-        nav[epochs] -= (X @ square @ np.swapaxes(X, 1, 2))[:, *of_nav]
+        nav[epochs] -= _covariances(X, square)[:, *of_nav]
         rows = np.flatnonzero(whole[epochs] != ABSENT)
         X_all = piece.multiples(rows, delta.shape[1])
-        kept[whole[epochs][rows]] -= (X_all @ square @ np.swapaxes(X_all, 1, 2))[:, *of_all]
+        kept[whole[epochs][rows]] -= _covariances(X_all, square)[:, *of_all]
         j = piece.event
         if j >= 0 and chain.epoch[j] == piece.first:
             if following.size:
@@ -256,6 +256,11 @@ def corrections(again: BlockAgain, chain: EventChain, T: Array, b: Array) -> Ite
             if event_at[first] != ABSENT:
                 r_event = T[j].T @ b[j] + back[first] @ z[: 2 * n]
                 z = np.vstack([d[j - 1] if j else np.zeros((n, width)), r_event, added])
+
+
+def _covariances(X: Array, square: Array) -> Array:
+    """Return X S X' of each of k matrices (k, r, c); X S of all of them is one product."""
+    return np.asarray((X.reshape(-1, X.shape[2]) @ square).reshape(X.shape) @ X.swapaxes(1, 2))
 
 
 def _shares(shared: tuple[SharedError, ...], epochs: np.ndarray, states: int) -> Array:

@@ -91,7 +91,7 @@ def adjusted(problem: Problem, values: Unknowns, enough: float = CONVERGED_STEP)
         active = valid(problem, values)
         result = _iterated(problem.with_active(active), values, steps, enough)
         steps, values = result.iterations, result.values
-        again = _intersected_again(problem, values)
+        again = intersected_again(problem, values)
         if (valid(problem, again) == active).all():
             break
         values = again
@@ -105,15 +105,28 @@ def _oriented(values: Unknowns) -> NDArray[np.bool_]:
     return np.asarray(finite)
 
 
-def _intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
-    """Return the values with points that did not take part intersected from the adjusted poses."""
+def intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
+    """Intersect points that did not take part from the poses.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        The poses; NaN of these points.
+
+    Returns
+    -------
+    Unknowns
+        The values with these points; NaN stays of those whose rays do not meet.
+    """
     missing = np.isnan(values.point[:, 0])
     if not missing.any():
         return values
     obs = problem.block.observations
     rows = missing[obs.point]
     cameras = values.cameras(problem.block.cameras)
-    xy = directions(problem.block, cameras)[rows]
+    xy = directions(problem.block, cameras, rows)
     point = intersected(
         values.position, values.C_mc, xy, obs.image[rows], obs.point[rows], missing.size
     )

@@ -138,19 +138,21 @@ class StripControl:
             width = columns[name].stop
         return columns, width
 
-    def positions(self, values: Unknowns) -> tuple[Array, Array]:
+    def positions(self, values: Unknowns, rows: int = 3) -> tuple[Array, Array]:
         """Linearise the positions of the strip (J.8), without its common errors.
 
         Parameters
         ----------
         values : Unknowns
             Where they are linearised.
+        rows : int
+            Rows of J of an image, with room for those of its attitude behind the three.
 
         Returns
         -------
         e : ndarray, (n, 3)
             Observed - computed, m.
-        J : ndarray, (n, 3, d)
+        J : ndarray, (n, rows, d)
             d computed / d unknown.
         """
         n, images = len(self.images), list(self.images)
@@ -158,8 +160,8 @@ class StripControl:
         C, v = values.C_mc[images], self.velocity
         value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
         columns, width = self.columns(values)
-        J = np.zeros((n, 3, width))
-        computed = values.position[images]
+        whole = np.zeros((n, rows, width))
+        J, computed = whole[:, :3], values.position[images]
         put(J, 6 * np.arange(n), np.broadcast_to(np.eye(3), (n, 3, 3)))
         if CAMERA_LEVER_ARM in value:
             arm = C @ value[CAMERA_LEVER_ARM]
@@ -175,7 +177,7 @@ class StripControl:
         if LINE_DRIFT in value:
             computed = computed + since * value[LINE_DRIFT]
             J[:, :, columns[LINE_DRIFT]] = since[:, :, None] * np.eye(3)
-        return self.position_m - computed, J
+        return self.position_m - computed, whole
 
 
 def put(J: Array, columns: NDArray[np.int64], blocks: Array) -> None:
@@ -252,20 +254,18 @@ class AerialControl(StripControl):
             d computed / d unknown.
         """
         columns, width = self.columns(values)
-        e, J = self.positions(values)
-        if self.weight.shape[0] > 3 * len(self.images):
-            psi, of_attitudes = self._attitudes(values, columns, width)
-            e, J = np.hstack([e, psi]), np.concatenate([J, of_attitudes], axis=1)
+        attitudes = self.weight.shape[0] > 3 * len(self.images)
+        e, J = self.positions(values, 6 if attitudes else 3)
+        if attitudes:
+            e = np.hstack([e, self._attitudes(values, columns, J[:, 3:])])
         if self.common is not None:
             A = self.common[:, : e.shape[1]]
             e += A @ values.blocks[(COMMON_OF_TRAJECTORY, self.parameters[COMMON_OF_TRAJECTORY])]
             J[:, :, columns[COMMON_OF_TRAJECTORY]] = -A
         return e.ravel(), J.reshape(e.size, width)
 
-    def _attitudes(
-        self, values: Unknowns, columns: Mapping[str, slice], width: int
-    ) -> tuple[Array, Array]:
-        """Return observed - computed of the attitudes (J.9), and its Jacobian (J.10)."""
+    def _attitudes(self, values: Unknowns, columns: Mapping[str, slice], J: Array) -> Array:
+        """Return observed - computed of the attitudes (J.9); fill its Jacobian (J.10), zero yet."""
         value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
         C_o, turned = self.C_mc, values.C_mc[list(self.images)].swapaxes(1, 2)
         if EXPOSURE_DELAY in value:
@@ -274,7 +274,6 @@ class AerialControl(StripControl):
         E = value.get(BORESIGHT, np.eye(3))
         psi = vector_from_rotation(C_o @ E @ turned)
         right = inverse_right_jacobian(psi)
-        J = np.zeros((len(psi), 3, width))
         if EXPOSURE_DELAY in value:
             put(J, 6 * np.arange(len(psi)) + 3, right @ turn.swapaxes(1, 2))
             J[:, :, columns[EXPOSURE_DELAY]] = -right @ self.rate[:, :, None]
@@ -282,7 +281,7 @@ class AerialControl(StripControl):
             put(J, 6 * np.arange(len(psi)) + 3, right)
         if BORESIGHT in value:
             J[:, :, columns[BORESIGHT]] = -inverse_right_jacobian(-psi) @ C_o
-        return psi, J
+        return psi
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,12 @@ from ...records.cameras.camera import rays_of
 from .unknowns import Unknowns
 
 
-def directions(block: ImageBlock, cameras: Sequence[BrownCamera] = ()) -> Array:
-    """Return the rays of all image observations of a block.
+def directions(
+    block: ImageBlock,
+    cameras: Sequence[BrownCamera] = (),
+    chosen: slice | NDArray[np.bool_] = slice(None),
+) -> Array:
+    """Return the rays of image observations of a block.
 
     Parameters
     ----------
@@ -21,17 +25,19 @@ def directions(block: ImageBlock, cameras: Sequence[BrownCamera] = ()) -> Array:
         The block.
     cameras : sequence of BrownCamera
         Cameras in the place of its own, such as adjusted ones.
+    chosen : slice or ndarray of bool
+        Which observations; all where it is left out.
 
     Returns
     -------
     ndarray, (n, 2)
         Directions on the plane of unit distance, in the camera.
     """
-    xy = np.empty((len(block.observations), 2))
-    of_camera = block.camera[block.observations.image]
+    uv, of_camera = block.observations.uv[chosen], block.camera[block.observations.image[chosen]]
+    xy = np.empty((len(uv), 2))
     for c, camera in enumerate(cameras or block.cameras):
         rows = of_camera == c
-        xy[rows] = rays_of(camera, block.observations.uv[rows])
+        xy[rows] = rays_of(camera, uv[rows])
     return xy
 
 

@@ -38,15 +38,15 @@ from ...navigation.filter.codes import AZ, POS
 from ...navigation.filter.correction import corrected, smoothed_about
 from ...records import ExteriorOrientation
 from ...records.block import Array
-from ..adjust.adjustment import Adjusted, adjusted
+from ..adjust.adjustment import Adjusted, adjusted, intersected_again
 from ..adjust.aerial import AerialControl
-from ..adjust.normals import cofactors_of
+from ..adjust.normals import cofactors_of, problem_of
 from ..adjust.precision import explained
 from ..adjust.unknowns import Unknowns, columns_of
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of
 from .inputs import BlockInputs
-from .solve import AdjustedBlock, ground_groups, set_up
+from .solve import AdjustedBlock, ground_groups, groups_of
 
 TRAJECTORY_DIRECTORY = "trajectory"
 ENOUGH = 0.02  # share of a pose's variance after the images: 1 % of its standard deviation
@@ -232,12 +232,13 @@ class _Linearised:
         inputs = replace(solved.inputs, eo=eo)
         control = control_of(inputs, whole=[(chain.rows, chain.cov) for chain in chains])
         points = ground_groups(solved.result.problem)
-        problem, first = set_up(inputs, control, points)
-        problem = with_factors(problem, solved.factors)
+        groups, first = groups_of(inputs, control, points)
+        problem = with_factors(problem_of(inputs.block, groups, first), solved.factors)
         problem = problem.with_active_of(solved.result.problem)
-        blocks = {key: values.blocks.get(key, value) for key, value in first.blocks.items()}
+        blocks = {key: values.blocks.get(key, value) for key, value in first.items()}
+        values = intersected_again(problem, replace(values, blocks=blocks))
         # one step: the next round linearises flight and block again
-        result = adjusted(problem, replace(values.completed(first), blocks=blocks), np.inf)
+        result = adjusted(problem, values, np.inf)
         measured = [np.isin(chain.rows, inputs.eo_row) for chain in chains]
         of_chain = iter([group for group in control.groups if isinstance(group, AerialControl)])
         of_chains = [next(of_chain) if images.any() else None for images in measured]
@@ -270,9 +271,9 @@ class _Linearised:
                     J[:, taken], cofactors_of(self.result.problem, self.result.values, columns)
                 )
                 rows = np.repeat(images, 6)
-                root = _root(chain.cov[np.ix_(rows, rows)] - V, np.diagonal(V))
-                b = np.column_stack([b, group.weight @ root])
-                del V, root  # as large as all the rest
+                less, variance = chain.cov[np.ix_(rows, rows)] - V, np.diagonal(V).copy()
+                del V  # as large as all the rest
+                b = np.column_stack([b, _weighed_root(group.weight, less, variance)])
             events = chain.events[images]
             T, of_events = (
                 np.zeros((segment.solution.event_epochs.size, 6, size))
@@ -285,16 +286,22 @@ class _Linearised:
         return after
 
 
-def _root(less: Array, variance: Array) -> Array:
-    """Return columns whose products make a covariance but for `ENOUGH` of the variances."""
+def _weighed_root(weight: Array, less: Array, variance: Array) -> Array:
+    """Return a weight matrix times columns whose products make `less`, which is written over.
+
+    What is left of `less` is below `ENOUGH` of the variances.
+    """
+    from scipy.linalg.blas import dtrmm
     from scipy.linalg.lapack import dpstrf
 
     scale = np.sqrt(variance)
-    less = less / np.outer(scale, scale)
+    less /= scale[:, None]
+    less /= scale
     factor, order, rank, _ = dpstrf(less.T, tol=ENOUGH, lower=1, overwrite_a=1)
-    columns = np.zeros((scale.size, rank))
-    columns[order - 1] = np.tril(factor)[:, :rank]
-    return np.asarray(scale[:, None] * columns)
+    pivoted = np.take(weight * scale, order - 1, axis=1)
+    root = dtrmm(1.0, factor[:rank, :rank], pivoted[:, :rank].T, trans_a=1, lower=1).T
+    root += pivoted[:, rank:] @ factor[rank:, :rank]
+    return np.asarray(root)
 
 
 def _changed(before: Sequence[Segment], after: Sequence[Segment]) -> str:
