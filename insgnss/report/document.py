@@ -173,6 +173,15 @@ class Section:
     more: Sequence[str] = ()
     brief: bool = False
 
+    @property
+    def _further(self) -> Sequence[str]:
+        return self.more[FEW_REMARKS:]
+
+    @property
+    def _number_of_further(self) -> str:
+        count = len(self._further)
+        return f"and {count} further remark{'s' * (count > 1)} of less weight"
+
     def html(self) -> str:
         """Return the section of the page."""
         runs = groupby(self.parts, key=_is_item)
@@ -180,15 +189,13 @@ class Section:
             _listed(run) if items else "".join(map(_block, run)) for items, run in runs
         )
         if self.more:
-            remarks = f'<div class="soft">{_listed(self.more)}</div>\n'
-            many = len(self.more) > FEW_REMARKS
-            inside += folded(f"and {len(self.more)} of less weight", remarks) if many else remarks
+            first, more = map(_soft, (self.more[:FEW_REMARKS], self._further))
+            inside += first + (folded(self._number_of_further, more) if self._further else "")
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for the terminal."""
-        hidden = len(self.more) - FEW_REMARKS
-        more = [f"and {hidden} of less weight"] if hidden > 0 else []
+        more = [self._number_of_further] if self._further else []
         for block in (*self.parts, *self.more[:FEW_REMARKS], *more):
             if isinstance(block, Table) and block.rows:
                 yield from block.lines()
@@ -424,6 +431,10 @@ def _block(block: "str | Table | Drawing") -> str:
         return block.html
     assert isinstance(block, Marked)
     return f'<p class="{block.kind}">{_escaped(sentence(block))}</p>\n'
+
+
+def _soft(texts: Iterable[Any]) -> str:
+    return f'<div class="soft">{_listed(texts)}</div>\n'
 
 
 def _listed(texts: Iterable[Any]) -> str:

@@ -82,7 +82,7 @@ def with_contents(body: str, appendix: str = "") -> str:
     def placed(match: re.Match[str]) -> str:
         figure, title = match.group(1), match.group(3)
         name = match.group(2) or "-".join(re.findall(r"[a-z0-9]+", title.lower()))
-        called = name.replace("-", " ").capitalize() if figure else title
+        called = name.replace("-", " ").capitalize().replace("Nis ", "NIS ") if figure else title
         entries.append(f'<a href="#{name}">{called}</a>')
         return f"{figure}<h2>{title}</h2>" if figure else f'<h2 id="{name}">{title}</h2>'
 

@@ -52,7 +52,9 @@ def limits(s: Summary) -> Section:
 
 def hidden(s: Summary) -> Section:
     """Return what no data of the flight can reveal."""
-    caption = "no flight data reveal these errors; sigmas include what a line says"
+    caption = (
+        "no data of a flight reveal these errors; the sigmas allow for none but where a row says so"
+    )
     rows = [(x["name"], x["effect"], x["help"]) for x in s["hidden_errors"]]
     head = ("Error", "what it does", "how to exclude it")
     return _captioned("What no flight can show", caption, Table(rows, head), brief=True)

@@ -72,9 +72,10 @@ def _why(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
         for key in ("largest", "need")
     )
     measure = (
-        "as the flight file states"
+        f"the flight file needs {need}"
         if judged["measure"] == STATED_NEED
-        else "as this receiver and this IMU allow; output.need_m states another need"
+        else f"needed are {need}, which this receiver and this IMU allow on such a flight; state"
+        " your own need in output.need_m and output.need_deg"
     )
     subject = "all images are" if summary["exposures"] else "the whole trajectory is"
-    return f"{subject} known to {largest} (east, north, up) or better; needed: {need}, {measure}"
+    return f"{subject} known to {largest} (east, north, up) or better; {measure}"

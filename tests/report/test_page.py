@@ -163,7 +163,7 @@ def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> No
     places = [text.index(remark) for remark in remarks]
     assert len(remarks) == len(s["limits"]) - 1
     assert places == sorted(places)
-    assert text.index("of less weight") < text.index("one <i>")
+    assert text.index("one <i>") < text.index("of less weight") < text.index("rate 3")
     assert text.count("make a turn or a figure of eight before the first line.") == 1
 
 

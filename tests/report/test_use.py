@@ -30,7 +30,7 @@ def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary
     colour, why, _ = run_verdict(s)
     assert colour == "good"
     assert "known to 2.0 / 3.0 / 4.0 mm and 0.004 / 0.003 / 0.02 deg" in why
-    assert "needed: 30.0 / 30.0 / 54.1 mm and 0.05 / 0.05 / 0.2 deg" in why
+    assert "needed are 30.0 / 30.0 / 54.1 mm and 0.05 / 0.05 / 0.2 deg" in why
 
 
 def test_the_usual_need_is_that_of_a_fix_in_the_axes_of_the_images(

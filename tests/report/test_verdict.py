@@ -78,7 +78,7 @@ def test_headline_says_what_slow_errors_of_usual_size_leave(seed) -> None:
             *records, mounting=mounting, noise="navchip", gnss__correlation_time_s=time_s, **options
         ).report["headline"]
 
-    stated = re.search("PPK usually has, (.*) mm", headline())
+    stated = re.search("PPK usually does, the sigmas are (.*) mm", headline())
     assert stated is not None
     slow = headline(gnss__gm_sigma=USUAL_SHARE)
     filtered = re.search("median sigmas (.*) mm", slow)
@@ -188,7 +188,7 @@ def test_the_worst_image_is_named_with_its_angle(diagnostics, eo, axis, name) ->
     cov[7, axis, axis] = np.radians(0.5) ** 2
     text = said(run(diagnostics(), dataclasses.replace(images, cov=cov)), "image")["text"]
     assert text.startswith(f"the {name} of image 8008.tif at 09:00:")
-    assert text.endswith("is known to 0.5 deg, to 0.02 deg in the median")
+    assert text.endswith("is known to 0.5 deg, 25.0 times the median")
 
 
 def test_steps_of_rejected_fixes_are_not_said_twice(diagnostics, eo) -> None:

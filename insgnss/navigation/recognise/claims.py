@@ -154,11 +154,23 @@ def _compare_axes(
             hint = SetKey("imu.axes", recognition.axes)
         return ask.contradiction(statement, Step("the data look like {}", hint))
     if recognition.axes is None:
-        return ask.note(statement, "the data do not determine which axis is forward")
+        return ask.note(
+            statement,
+            Step(
+                "nothing to do if {imu.axes} was read off the sensor: its motion does not show"
+                " which axis is forward"
+            ),
+        )
     sure = finding.confidence > SURE_OF_EXCHANGE
-    nose_first = "" if sure else ", if it moves nose first"
-    advice = Step("the data look like {}{}", SetKey("imu.axes", recognition.axes), nose_first)
-    return ask.against(statement, advice, sure)
+    axes = SetKey("imu.axes", recognition.axes)
+    if sure:
+        return ask.contradiction(statement, Step("the data look like {}", axes))
+    advice = Step(
+        "if it flew nose first, set {}, since all images are turned now; if it flew sideways or"
+        " backwards, do nothing",
+        axes,
+    )
+    return ask.note(statement, advice)
 
 
 def _left_handed(

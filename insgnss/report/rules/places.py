@@ -137,7 +137,7 @@ def worst_image(f: Figures) -> Iterator[Finding]:
                 name = "heading" if worst["sigma"][2] > tilt(worst["sigma"]) else "tilt"
             text = (
                 f"the {name} of image {worst['image']} at {at_time(f, worst['time_s'])} is known to"
-                f" {form(max(worst['sigma']))}, to {form(max(median))} in the median"
+                f" {form(max(worst['sigma']))}, {ratio:.1f} times the median"
             )
             yield ranked(
                 "image",
@@ -162,6 +162,8 @@ def outage(f: Figures) -> Iterator[Finding]:
         text += f" ({worst['rejected']} were rejected)"
     if worst["images"]:
         text += f", {image_range(worst)} in it"
+    elif f["exposures"]:
+        text += ", and no image was taken in it"
     further = len(f["outages"]) - 1
     more = f"; {further} more such {'time' if further == 1 else 'times'}" if further else ""
     rank = max(1.0, worst["horizontal_mm"] / 2**0.5 / median / OUTAGE_RATIO)

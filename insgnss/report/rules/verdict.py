@@ -113,9 +113,7 @@ def _if_usual(figures: Figures, claim: Figures) -> str:
     ]
     if max(with_slow) < USUAL_MATTERS * max(of_images):
         return ""
-    return (
-        f"; that is for white errors: with the slow ones that PPK usually has, {lengths(with_slow)}"
-    )
+    return f"; if they err slowly, as PPK usually does, the sigmas are {lengths(with_slow)}"
 
 
 def _if_slower(figures: Figures, claim: Figures) -> str:

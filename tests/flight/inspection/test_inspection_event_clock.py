@@ -125,6 +125,7 @@ def test_the_draft_of_dates_has_a_camera(tmp_path):
 T0 = datetime(2018, 7, 3, 9, 1, 34, 857678)
 NAMES = [f"DSC{k:05d}.JPG" for k in range(40)]
 DATES = [f"{T0 + timedelta(seconds=1.7 * k)}" for k in range(40)]
+TOW_MS = [f"{1e3 * (205312.857678 + 1.7 * k):.3f}" for k in range(40)]
 TOW = [f"{205312.857678 + 1.7 * k:.6f}" for k in range(40)]
 
 
@@ -137,6 +138,7 @@ TOW = [f"{205312.857678 + 1.7 * k:.6f}" for k in range(40)]
         ("pic,created_s,shutter", (NAMES, TOW, TOW), "pic shutter"),
         ("seq,time_of_exposure", (map(str, range(40)), TOW), "seq time_of_exposure"),
         ("name,gps_week,gps_tow", (NAMES, ["2008"] * 40, TOW), "name gps_tow gps_week"),
+        ("jpg,gps_week,gps_tow(ms)", (NAMES, ["2008"] * 40, TOW_MS), "jpg gps_tow(ms) gps_week"),
         ("", (TOW, NAMES), "[2] [1]"),
         ("Photo,Day,Clock", (NAMES, *zip(*map(str.split, DATES), strict=True)), "Photo Day Clock"),
     ],

@@ -31,6 +31,7 @@ TIME_WORDS = "time zeit date datum stamp clock tow sec sek utc gps"
 EXPOSURE_WORDS = "exposure shutter shot taken trigger capture event mid aufnahme"
 OTHER_TIMES = "created modified upload download duration length"
 CLOCK_TEXT = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", re.ASCII)
+IN_MS = re.compile(r"[\[(]ms[\])]")
 LAST_TOW_S = 2.0 * WEEK_S  # largest time of week (s): flights run past the week's end by hours
 LAST_WEEK = 4000  # GPS week, of 2056: later ones are of ticks taken for seconds
 EXPOSURE_EPOCH_UNITS = ("unix", "unix_ms", "unix_us", "unix_ns")
@@ -160,7 +161,8 @@ def _seconds(name: str, texts: Sequence[str]) -> int:
     values, score = _numbers(texts), _time_words(name)
     if values is None:
         return 0
-    in_range = (values[-1] < LAST_TOW_S) | (values[0] > UNIX_FROM)
+    factor = 1e-3 if IN_MS.search(name) else 1.0  # the reader takes the unit of a header
+    in_range = (factor * values[-1] < LAST_TOW_S) | (values[0] > UNIX_FROM)
     fits = (np.diff(values) > 0.0).all() and values[0] >= 0.0 and in_range
     whole = (values == np.round(values)).all()  # a count of images is no time but by its name
     return score if fits and not (whole and score < 2) else 0

@@ -461,11 +461,11 @@ def _note(
     validated = int(fixed.sum() - rejected.sum())
     finding = f"{validated} of {int(fixed.sum())} fixed epochs are validated"
     counts = {
-        "because forward and backward runs contradict each other": rejected & apart,
-        "because they are outliers from the path": rejected & outlier & ~apart,
+        "where forward and backward runs contradict each other": rejected & apart,
+        "as outliers from the path": rejected & outlier & ~apart,
         "as short spans that only one run has fixed, within minutes that are not fixed": rejected
         & island,
-        f"for fewer than {model.least_satellites} satellites or because fewer than"
+        f"for fewer than {model.least_satellites} satellites or where fewer than"
         f" {100 * model.support_share:.0f} % of the epochs around them are fixed": (
             rejected & ~apart & ~outlier & ~island
         ),
@@ -473,7 +473,7 @@ def _note(
     reasons = ", ".join(f"{int(which.sum())} {why}" for why, which in counts.items() if which.any())
     advice = []
     if reasons:
-        finding += f"; not {reasons}"
+        finding += f"; not validated: {reasons}"
         advice.append(
             "epochs that are not validated are taken as float, with suitable standard deviations"
         )
