@@ -72,9 +72,9 @@ class PpkRun:
     """A result and the files that were written of it."""
 
     result: "PpkResult"
-    given: "PpkInput"
+    request: "PpkInput"
     files: tuple[Path, ...]
-    made: Mapping[str, Any] = field(default_factory=dict)
+    origin: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> str:
         """Return the text for the terminal."""
@@ -91,7 +91,7 @@ class PpkRun:
         from ..report.document import Document, checked, dotted, pairs
         from ..report.verdict import worst_of
 
-        result, request = self.result, self.given
+        result, request = self.result, self.request
         grade = result.quality["grade"]
         remarked = [check for check in result.checks if check.verdict != "ok"]
         remarked.sort(key=lambda check: check.verdict == "note")
@@ -124,13 +124,13 @@ class PpkRun:
         """JSON-able."""
         from ..base import __version__
 
-        result, request = self.result, self.given
+        result, request = self.result, self.request
         return {
             "insgnss": __version__,
             **picked(result, "engine", "cpu_s", "verdict", "quality"),
             "checks": [check.as_dict() for check in result.checks],
             "input": asdict(request),
-            **self.made,
+            **self.origin,
             "files": [str(path) for path in self.files],
         }
 
@@ -203,7 +203,7 @@ def _with_report(
     shown = list(charts(run.result.series))
     atomic_write(figure, draw_sheet([shown]))
     products = [path for path in figure.parent.rglob("*") if path.is_file()]
-    run = replace(run, made=made_from(inputs, document, products))
+    run = replace(run, origin=made_from(inputs, document, products))
     write_with_page(run.document(shown), run.as_dict(), document, page)
     return run
 

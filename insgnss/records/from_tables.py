@@ -46,13 +46,13 @@ not.
 
 
 def imu_samples(
-    given: Any, quantity: Quantity = "mean_rate", gps_week: int | None = None
+    table: Any, quantity: Quantity = "mean_rate", gps_week: int | None = None
 ) -> ImuSamples:
     """Return IMU samples of what a caller has.
 
     Parameters
     ----------
-    given : `ImuSamples`, which are taken as they are; (n, 7) array of time s, gyro rad/s, specific
+    table : `ImuSamples`, which are taken as they are; (n, 7) array of time s, gyro rad/s, specific
         force m/s^2; or a table with columns tow, gx, gy, gz, ax, ay, az, of which `gyro` and
         `accel` (n, 3) may stand for three each, and a `temperature` where it is known.
     quantity : what a sample is; of a record its own.
@@ -67,23 +67,23 @@ def imu_samples(
     InputError : columns are missing, the array has another shape, or `ImuSamples` refuses the
         values.
     """
-    if isinstance(given, ImuSamples):
-        return given
-    columns = _columns_of(given)
+    if isinstance(table, ImuSamples):
+        return table
+    columns = _columns_of(table)
     if columns is None:
-        samples = ImuSamples.from_array(given, quantity, gps_week, "imu")
+        samples = ImuSamples.from_array(table, quantity, gps_week, "imu")
         _of_week("imu", samples.time, gps_week)
         return samples
     gyro = columns["gyro"] if "gyro" in columns else _block("imu", columns, GYRO)
     accel = columns["accel"] if "accel" in columns else _block("imu", columns, ACCEL)
     time = _one_of("imu", columns, TIME_HEADERS)
-    week = _of_week("imu", time, _week(given, gps_week))
+    week = _of_week("imu", time, _week(table, gps_week))
     temperature = columns.get("temperature")
     return ImuSamples(time, gyro, accel, quantity, week, "imu", temperature=temperature)
 
 
 def gnss_fixes(
-    given: Any,
+    table: Any,
     sigma_m: Sequence[float] | None = None,
     sigma_velocity_mps: Sequence[float] | None = None,
     gps_week: int | None = None,
@@ -92,12 +92,12 @@ def gnss_fixes(
 
     Parameters
     ----------
-    given : `GnssFixes`, which are taken as they are; (m, 4) or (m, 7) array of time s, latitude
+    table : `GnssFixes`, which are taken as they are; (m, 4) or (m, 7) array of time s, latitude
         deg, longitude deg, ellipsoidal height m, and standard deviations north, east, down m; or a
         table with columns tow, lat, lon (deg; or lat_rad, lon_rad), h_m, and as far as they are
         known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality, satellites, ratio,
         age_s, pdop, hdop.
-    sigma_m, sigma_velocity_mps : (3,) standard deviations north, east, down where `given` has none.
+    sigma_m, sigma_velocity_mps : (3,) standard deviations north, east, down where `table` has none.
     gps_week : of the times; of a record its own.
 
     Returns
@@ -109,19 +109,19 @@ def gnss_fixes(
     InputError : columns or standard deviations are missing, standard deviations are given twice, or
         `GnssFixes` refuses the values.
     """
-    if isinstance(given, GnssFixes):
+    if isinstance(table, GnssFixes):
         if sigma_m is not None or sigma_velocity_mps is not None:
             raise InputError("gnss: the fixes have covariances of their own; leave the sigmas out")
-        if (beyond := np.abs(given.lat) > 0.5 * np.pi).any():
+        if (beyond := np.abs(table.lat) > 0.5 * np.pi).any():
             row = int(np.argmax(beyond))
             raise InputError(
-                f"gnss: lat {given.lat[row]:g} in row {row} is beyond pi/2, a GnssFixes holds rad;"
+                f"gnss: lat {table.lat[row]:g} in row {row} is beyond pi/2, a GnssFixes holds rad;"
                 " GnssFixes.from_degrees takes degrees"
             )
-        return given
-    columns = _columns_of(given)
+        return table
+    columns = _columns_of(table)
     if columns is None:
-        columns = _columns_of_fixes(given)
+        columns = _columns_of_fixes(table)
     columns = {PLAIN_SIGMA.get(name, name): column for name, column in columns.items()}
     sigma = _sigma(columns, SIGMA_HEADERS, sigma_m, "sigma_m")
     if sigma is None:
@@ -143,7 +143,7 @@ def gnss_fixes(
         velocity_ned_mps=velocity,
         sigma_velocity_mps=speed_sigma,
         quality=columns.get("quality"),
-        gps_week=_of_week("gnss", time, _week(given, gps_week)),
+        gps_week=_of_week("gnss", time, _week(table, gps_week)),
         source="gnss",
     )
     described = {name: columns[name] for name in OF_THE_SOLUTION if name in columns}
@@ -151,12 +151,12 @@ def gnss_fixes(
     return replace(fixes, **described, sigma_assumed=assumed)
 
 
-def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
+def camera_events(table: Any, gps_week: int | None = None) -> CameraEvents:
     """Return camera events of what a caller has.
 
     Parameters
     ----------
-    given : `CameraEvents`, which are taken as they are; (n,) times of mid-exposure, s, whose images
+    table : `CameraEvents`, which are taken as they are; (n,) times of mid-exposure, s, whose images
         are then numbered from 1, with a note; or a table with columns image (or photo, filename,
         label, ...) and tow.
     gps_week : of the times; of a record its own.
@@ -169,11 +169,11 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
     ------
     InputError : the column of times is missing, or `CameraEvents` refuses the values.
     """
-    if isinstance(given, CameraEvents):
-        return given
-    columns = _columns_of(given)
+    if isinstance(table, CameraEvents):
+        return table
+    columns = _columns_of(table)
     time = (
-        float_array("events", given)
+        float_array("events", table)
         if columns is None
         else _one_of("events", columns, TIME_HEADERS)
     )
@@ -181,7 +181,7 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
         raise InputError(
             "events: no exposure in the table; leave events out if the flight had no camera"
         )
-    week = _of_week("events", time, _week(given, gps_week))
+    week = _of_week("events", time, _week(table, gps_week))
     named = next((name for name in IMAGE_HEADERS if name in (columns or ())), None)
     if columns is not None and named is not None:
         names = tuple(str(name) for name in columns[named])
@@ -194,12 +194,12 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
     return CameraEvents(names, time, week, "events", (note,))
 
 
-def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeights:
+def barometer_heights(table: Any, gps_week: int | None = None) -> BarometerHeights:
     """Return heights of a barometer of what a caller has.
 
     Parameters
     ----------
-    given : `BarometerHeights`, which are taken as they are; (n, 2) array of time s and height m; or
+    table : `BarometerHeights`, which are taken as they are; (n, 2) array of time s and height m; or
         a table with columns tow and h_m.
     gps_week : of the times; of a record its own.
 
@@ -212,18 +212,18 @@ def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeigh
     InputError : a column is missing, the array has another shape, or `BarometerHeights` refuses the
         values.
     """
-    if isinstance(given, BarometerHeights):
-        return given
-    columns = _columns_of(given)
+    if isinstance(table, BarometerHeights):
+        return table
+    columns = _columns_of(table)
     if columns is None:
-        values = float_array("barometer", given)
+        values = float_array("barometer", table)
         if values.ndim != 2 or values.shape[1] != 2:
             raise InputError(
                 f"barometer: a table of shape {values.shape}, expected (n, 2): time s, height m"
             )
         columns = {"tow": values[:, 0], "h_m": values[:, 1]}
     time, height = (_one_of("barometer", columns, names) for names in (TIME_HEADERS, HEIGHT))
-    return BarometerHeights(time, height, _week(given, gps_week), "barometer")
+    return BarometerHeights(time, height, _week(table, gps_week), "barometer")
 
 
 def _columns_of(table: Any) -> dict[str, Any] | None:
@@ -304,12 +304,12 @@ def _angle(columns: Mapping[str, Any], name: str) -> Array:
 
 
 def _sigma(
-    columns: Mapping[str, Any], names: Sequence[str], given: Sequence[float] | None, option: str
+    columns: Mapping[str, Any], names: Sequence[str], stated: Sequence[float] | None, option: str
 ) -> Array | Sequence[float] | None:
     """Return standard deviations of the columns or those given; InputError where both are."""
     present = [name for name in names if name in columns]
-    if present and given is not None:
+    if present and stated is not None:
         raise InputError(
             f"gnss: column {present[0]} and {option} are both given; leave one of them out"
         )
-    return _block("gnss", columns, names) if present else given
+    return _block("gnss", columns, names) if present else stated

@@ -29,7 +29,7 @@ from ...records.variances import decimal_step
 
 LARGEST_S, SMALLEST_S = 1.0, 0.01  # of a step; a finer one costs 1 cm at 10 m/s
 EXACT_S = 1e-6  # of the stamps on a grid of decimals: conversions of units, no measurement
-FEWEST_STAMPS = 8  # stamps that show a step
+FEWEST_STAMPS = 8  # stamps that show a step (chosen)
 CHANGES = 2  # intervals off the usual one that no trigger has
 # of the usual interval: a longer one may be a pause; and the fewest steps in one, because a trigger
 # that misses images has multiples of its interval

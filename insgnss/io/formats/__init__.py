@@ -222,13 +222,13 @@ def sniff_events(path: str | Path) -> str:
 
 
 def _options(
-    path: str | Path, form: str, accepted: list[str], given: dict[str, Any]
+    path: str | Path, form: str, accepted: list[str], requested: dict[str, Any]
 ) -> dict[str, Any]:
     # standard deviations stand in where a file has none; a format that always has them does not
     # need them
     options = {
         key: value
-        for key, value in given.items()
+        for key, value in requested.items()
         if value is not None and (key in accepted or key not in ("sigma_m", "sigma_velocity"))
     }
     if extra := [key for key in options if key not in accepted]:

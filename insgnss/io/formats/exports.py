@@ -16,7 +16,7 @@ from ...base.errors import UsageError
 from ...records import FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 
-GIVEN = ("undulation_m", "relative")  # parameters of writers that the export itself gives
+BY_EXPORT = ("undulation_m", "relative")  # parameters of writers that the export itself gives
 Heights = Literal["", "ellipsoid", "sea level"]
 
 
@@ -103,7 +103,7 @@ class Export:
     def options(self) -> tuple[str, ...]:
         """What the caller may give: what the writer takes besides, and those of its control."""
         parameters = list(signature(self.function).parameters)[2:]
-        return (*(key for key in parameters if key not in GIVEN), *self.of_control)
+        return (*(key for key in parameters if key not in BY_EXPORT), *self.of_control)
 
     @property
     def page(self) -> str:

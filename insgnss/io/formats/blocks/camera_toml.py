@@ -15,9 +15,9 @@ from ..text.numbers import array_of
 from ..text.text import Source
 
 PIXEL_ORIGINS = ("corner", "centre")
-_OWN = ("name", "model", "width", "height", "unit_px", "pixel_origin", *INTERIOR, "free")
+_TOP_KEYS = ("name", "model", "width", "height", "unit_px", "pixel_origin", *INTERIOR, "free")
 CAMERA_KEYS: Mapping[str, tuple[str, ...]] = {
-    "": (*_OWN, "sigma", "correlations"),
+    "": (*_TOP_KEYS, "sigma", "correlations"),
     "sigma": INTERIOR,
 }
 LARGEST_PX = 1e6  # of a value in pixels: no camera has so many

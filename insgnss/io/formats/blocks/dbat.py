@@ -25,7 +25,7 @@ from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageB
 from ....records.block import ImageObservations as Observations
 from ..text.columns import NamedTable, TableSpec
 from ..text.layout import shown
-from ..text.numbers import LARGEST_EXACT_INTEGER, PLAIN, finite, whole, whole_rows
+from ..text.numbers import PLAIN, are_whole, finite, whole, whole_rows
 from ..text.order import first_repeat, refuse_rows
 from ..text.text import NumberTable, Source, TextTable, read_table, read_text_table
 from ..text.xml import read_xml, text_of
@@ -350,9 +350,7 @@ def _camera(script: _Document, camera: Element, free: dict[str, bool]) -> BrownC
             " set DBAT's camera to it and adjust again"
         )
     width, height = of("image", 2)
-    if not (
-        width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
-    ):
+    if not are_whole(width, height):
         problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
         raise script.error(f"{problem}; correct it")
     sensor = [word.strip() for word in text_of(camera.find("sensor")).split(",")]

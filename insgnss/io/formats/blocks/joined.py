@@ -125,13 +125,13 @@ def matched(names: Sequence[str], choices: Sequence[str]) -> NDArray[np.int64]:
 
     Parameters
     ----------
-    names, others : sequence of str
+    names, choices : sequence of str
         Names of images.
 
     Returns
     -------
     ndarray of int, (n,)
-        Rows of `others`: of the same name, else of the only one that differs by directory, ending
+        Rows of `choices`: of the same name, else of the only one that differs by directory, ending
         or case alone, or by outer directories; -1 where there is none.
 
     Raises

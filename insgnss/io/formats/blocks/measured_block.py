@@ -149,7 +149,7 @@ def file_names(paths: Sequence[str], path: object) -> tuple[str, ...]:
 
     Parameters
     ----------
-    given : sequence of str
+    paths : sequence of str
         Names, perhaps with folders before them.
     path : path
         The file that they stand in, for the message.

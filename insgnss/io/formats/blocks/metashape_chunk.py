@@ -261,15 +261,13 @@ def on_globe(of: Chunk, local: bool) -> bool:
     return bool(crs) and not local and "LOCAL_CS" not in crs and "ENGCRS" not in crs
 
 
-def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[GroundTable, str]:
+def read_metashape_references(path: Source) -> tuple[GroundTable, str]:
     """Read the reference coordinates of images: GNSS positions as they were imported.
 
     Parameters
     ----------
     path : path
         As of `read_metashape_block`.
-    chunk : str, optional
-        As there.
 
     Returns
     -------
@@ -283,7 +281,7 @@ def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[G
     InputError
         As there, or no image has a reference.
     """
-    of = opened_chunk(path, chunk)
+    of = opened_chunk(path)
     images = [i for i in of.all("cameras", "camera") if i.find("reference") is not None]
     named = list(zip(of.names(images), images, strict=True))
     references = of.references("cameras", CAMERA_M, named)

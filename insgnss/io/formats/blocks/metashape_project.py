@@ -26,7 +26,7 @@ from ..text.numbers import whole
 from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml, read_xml
 
-Made = TypeVar("Made")
+Taken = TypeVar("Taken")
 
 PROJECT_DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
@@ -85,7 +85,7 @@ class ProjectFile:
             return load_bytes(self.path.parent / name).tobytes()
         return self._unpacked(name, lambda stream, _: stream.read())
 
-    def _unpacked(self, name: str, take: Callable[[IO[bytes], int], Made]) -> Made:
+    def _unpacked(self, name: str, take: Callable[[IO[bytes], int], Taken]) -> Taken:
         """Return what is taken of the stream of a member, and of the size of the zip."""
         try:
             with zipfile.ZipFile(self.path) as archive:

@@ -23,7 +23,7 @@ from ....records.block import Array, BrownCamera
 from ..bundle.camera import brown_camera, of_opencv
 from ..bundle.opensfm import REFERENCE
 from ..text.layout import shown
-from ..text.numbers import LARGEST_EXACT_INTEGER, array_of, vector_of, whole
+from ..text.numbers import are_whole, array_of, vector_of, whole
 from ..text.text import Source, check_fields, decoded
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
@@ -242,9 +242,7 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
         return _value(file, entry, key, default, f"camera {shown(name)}")
 
     width, height = value("width", None), value("height", None)
-    if not (
-        width.is_integer() and height.is_integer() and max(width, height) < LARGEST_EXACT_INTEGER
-    ):
+    if not are_whole(width, height):
         problem = f"camera {shown(name)}: width and height are no whole numbers of pixels"
         raise InputError.in_file(file, f"{problem}; export it again")
     size = max(width, height)

@@ -24,9 +24,8 @@ from ..text.database import is_database, opened_database
 
 # of the picture: twice the width that the map has on a screen
 PICTURE_WIDTH_PX, PICTURE_HEIGHT_PX = (1600, 840)
-PICTURE_MARGIN = (
-    1.2  # half the picture by half of what the flight covers: the map shows 1 / 0.92 of it
-)
+# half the picture by half of what the flight covers: the map shows 1 / 0.92 of it
+PICTURE_MARGIN = 1.2
 WITHOUT_OUTLIERS = (0.5, 99.5)  # percentiles of the places: a fix may be 50 km off
 LEAST_REACH_M = 50.0  # half height of the picture (m): of a flight that stays at one place (chosen)
 # side of the net of points that PROJ transforms: between them a map of 20 km bends by 1 mm

@@ -69,7 +69,7 @@ class Header:
         Whether time is a date.
     base : tuple of float, optional
         The base's position (3,): latitude, longitude, deg, height, m, or geocentric, m.
-    given : bool
+    stated : bool
         Whether there is a header.
     """
 
@@ -80,7 +80,7 @@ class Header:
     sexagesimal: bool
     dated: bool
     base: tuple[float, ...] | None
-    given: bool = True
+    stated: bool = True
 
     @property
     def columns(self) -> list[str]:
@@ -174,7 +174,7 @@ def _without_header(path: Source, first: str) -> Header:
     names = [*POSITION_COLUMNS[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]
     if len(fields) == PLAIN_FIELDS[1]:
         names += [*VELOCITY_COLUMNS[kind], *VELOCITY_ROOTS[kind]]
-    return Header(kind, tuple(names), "GPST", True, False, dated, None, given=False)
+    return Header(kind, tuple(names), "GPST", True, False, dated, None, stated=False)
 
 
 def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:

@@ -50,7 +50,7 @@ def is_held(position: Sequence[Array], columns: Sequence[Array]) -> bool:
     ----------
     position : sequence of ndarray, shape (n,)
         Latitude and longitude.
-    others : sequence of ndarray, shape (n,)
+    columns : sequence of ndarray, shape (n,)
         What else the fix has: height, velocity, standard deviations.
     """
     same = np.all([np.diff(column) == 0.0 for column in (*position, *columns)], axis=0)

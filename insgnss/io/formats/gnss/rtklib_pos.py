@@ -180,7 +180,7 @@ def fixes_of_rows(read: PosRows, options: ReadOptions = STATED_NOTHING) -> GnssF
     header, table, cols = read.header, read.table, read.columns
     undulation_m = options.undulation_m
     notes = [*open_end("GNSS rows", read.complete)]
-    if not header.given:
+    if not header.stated:
         above = "geoid" if undulation_m else "ellipsoid"
         finding = f"no header; read as {header.scale}, heights above the {above}"
         advice = "check both; if the heights are above the geoid, set gnss.undulation_m"
@@ -296,7 +296,7 @@ def _position(
 
     The rotations are of the axes in which the file gives vectors.
     """
-    if undulation_m and header.given and (header.ellipsoidal or header.kind != "latitude"):
+    if undulation_m and header.stated and (header.ellipsoidal or header.kind != "latitude"):
         message = above_already("heights, by the header,", undulation_m)
         raise InputError.in_file(table.path, message)
     coordinates = _stack(cols, POSITION_COLUMNS[header.kind])
@@ -329,9 +329,9 @@ def _above_ellipsoid(
     table: NumberTable, header: Header, height: Array, undulation_m: float | None
 ) -> Array:
     _refuse(table, np.abs(height) > 1e7, height, "{:g} m is no height")
-    if header.ellipsoidal and header.given:
+    if header.ellipsoidal and header.stated:
         return height
-    if undulation_m is None and header.given:
+    if undulation_m is None and header.stated:
         message = f"heights are above the geoid (the header says geodetic); {GIVE}"
         raise InputError.in_file(table.path, message)
     return height + (undulation_m or 0.0)

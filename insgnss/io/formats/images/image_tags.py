@@ -47,7 +47,7 @@ from .tiff_tags import ASCII, BYTE, RATIONAL, SRATIONAL, UNDEFINED, XMP, Tiff, V
 from .xmp import set_properties
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff")
-PIX4D, DJI, OWN = (
+PIX4D, DJI, OWN_SPACE = (
     "http://pix4d.com/camera/1.0",
     "http://www.dji.com/drone-dji/1.0/",
     "urn:insgnss:exterior-orientation:1.0#",
@@ -458,4 +458,4 @@ def _properties(tags: Tags) -> dict[tuple[str, str], dict[str, str]]:
         }
     if tags.rtk_flag is not None:
         dji["RtkFlag"] = str(tags.rtk_flag)
-    return {("Camera", PIX4D): camera, ("drone-dji", DJI): dji, ("insgnss", OWN): described}
+    return {("Camera", PIX4D): camera, ("drone-dji", DJI): dji, ("insgnss", OWN_SPACE): described}

@@ -114,20 +114,20 @@ class Fixes:
 
 @dataclass(frozen=True)
 class Log:
-    """Tables of a log by message, their columns as float64, and what was odd in the file.
+    """Tables of a log by message, their columns as float64, and findings on the file itself.
 
     `kind` is what the program calls a message.
     """
 
     path: str
     tables: Tables
-    odd: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
     kind: str = "message"
 
     def notes(self, name: str) -> tuple[Finding, ...]:
-        """Return the notes on what was odd in the log, for the record `name`."""
+        """Return the notes on the findings in the log, for the record `name`."""
         advice = "copy it again from the card"
-        return tuple(note(name, text, "a whole log", advice) for text in self.odd)
+        return tuple(note(name, text, "a whole log", advice) for text in self.findings)
 
     def message(self, names: tuple[str, ...], variable: str | None = None) -> LogMessage:
         """Return the message `variable`, else the first of `names` there is.

@@ -224,7 +224,7 @@ def _unfit(name: str, separator: str | None) -> str:
 
 @contextmanager
 def new_directory(
-    directory: Path, own: Collection[str], alike: Callable[[str], bool], contents: str
+    directory: Path, written: Collection[str], alike: Callable[[str], bool], contents: str
 ) -> Iterator[Path]:
     """Give a directory to write files into, which appears whole or not at all.
 
@@ -235,7 +235,7 @@ def new_directory(
     ----------
     directory : Path
         The directory to be written.
-    own : collection of str
+    written : collection of str
         Names of the files to be written.
     alike : callable
         Tells whether a name is like these.
@@ -258,9 +258,9 @@ def new_directory(
             f"{present}: is a file, but the export writes a directory; give another name"
         )
     files = sorted(os.listdir(present)) if present.is_dir() else []
-    if other := [file for file in files if alike(file) and file not in own]:
+    if foreign := [file for file in files if alike(file) and file not in written]:
         raise UsageError(
-            f"{present}: holds {contents} of another export ({other[0]}); give a new directory"
+            f"{present}: holds {contents} of another export ({foreign[0]}); give a new directory"
         )
     with together() as staging:
         yield staging.tree(directory)

@@ -33,7 +33,7 @@ def write_pose_covariance(images: Sequence[str], cov: Array, path: Source) -> No
         np.savez(stream, images=np.array(images), cov=cov)
 
 
-def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None = None) -> Array:
+def read_pose_covariance(path: Source, images: Sequence[str], each: Array | None = None) -> Array:
     """Read the covariance of some images.
 
     Parameters
@@ -42,7 +42,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
         The file.
     images : sequence of str
         Names of the n images that are wanted.
-    own : ndarray, (n, 6, 6), optional
+    each : ndarray, (n, 6, 6), optional
         Covariances that another file has of each image by itself.
 
     Returns
@@ -65,12 +65,12 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
     missing = next((name for name in images if name not in row_by_name), None)
     rows = np.array([row_by_name.get(name, 0) for name in images], dtype=np.int64)
     cov = covariance_of_rows(cov, rows)
-    if missing is None and own is not None:
+    if missing is None and each is not None:
         sigma = np.sqrt(np.diagonal(cov).reshape(-1, 6)[:, :3])
-        other = np.sqrt(np.diagonal(own, axis1=1, axis2=2)[:, :3])
-        apart = np.abs(sigma / other - 1.0).max(axis=1)
-        if (apart > MATCHES).any():
-            missing = images[int(np.argmax(apart))]
+        sigma_of_each = np.sqrt(np.diagonal(each, axis1=1, axis2=2)[:, :3])
+        difference = np.abs(sigma / sigma_of_each - 1.0).max(axis=1)
+        if (difference > MATCHES).any():
+            missing = images[int(np.argmax(difference))]
     if missing is not None:
         raise InputError.in_file(
             path,

@@ -61,13 +61,13 @@ class ReturnedPoses:
     cov_attitude: Array | None = None
 
 
-def numbers(words: Sequence[str], path: Source, line: int) -> list[float]:
+def numbers(fields: Sequence[str], path: Source, line: int) -> list[float]:
     """Return the numbers of a line.
 
     Parameters
     ----------
-    words : sequence of str
-        Its words.
+    fields : sequence of str
+        Its fields.
     path : path
         The file.
     line : int
@@ -83,7 +83,7 @@ def numbers(words: Sequence[str], path: Source, line: int) -> list[float]:
     InputError
         A word that is none, with file and line.
     """
-    return [number(word, path, line) for word in words]
+    return [number(word, path, line) for word in fields]
 
 
 def checked_rotations(R: Array, names: Sequence[str], path: Source) -> Array:

@@ -172,15 +172,13 @@ def read_micmac(path: Source) -> ReturnedPoses:
     return ReturnedPoses(images, position, C)
 
 
-def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
+def read_metashape_xml(path: Source) -> ReturnedPoses:
     """Read the cameras of a project of Metashape, or of its exported XML.
 
     Parameters
     ----------
     path : path
         As of `read_metashape_block`; its tie points are not needed.
-    chunk : str, optional
-        As there.
 
     Returns
     -------
@@ -195,7 +193,7 @@ def read_metashape_xml(path: Source, chunk: str | None = None) -> ReturnedPoses:
         As `read_metashape_block`, or no image has a pose.
     """
     notes: list[str] = []
-    of = opened_chunk(path, chunk)
+    of = opened_chunk(path)
     images, _ = of.images(notes)
     poses = chunk_poses(of, images, notes)
     rows = np.flatnonzero(np.isfinite(poses.position[:, 0]))

@@ -87,7 +87,7 @@ def returned_form(path: Source, head: str) -> str:
     return "colmap" if re.fullmatch(rf"({'|'.join(PARTS)})\.(txt|bin)", path.name) else ""
 
 
-def read_returned_poses(path: Source, form: str, chunk: str | None = None) -> ReturnedPoses:
+def read_returned_poses(path: Source, form: str) -> ReturnedPoses:
     """Read the adjusted poses of a file or directory.
 
     Parameters
@@ -96,8 +96,6 @@ def read_returned_poses(path: Source, form: str, chunk: str | None = None) -> Re
         The file or directory.
     form : str
         A key of `RETURNED`.
-    chunk : str, optional
-        Of Metashape, where a project has several.
 
     Returns
     -------
@@ -113,8 +111,5 @@ def read_returned_poses(path: Source, form: str, chunk: str | None = None) -> Re
     """
     if form not in RETURNED:
         raise UsageError(f"format {form!r} of adjusted poses; {near(form, RETURNED)}")
-    if chunk is not None and form != "metashape_xml":
-        raise UsageError(f"chunk {chunk!r} belongs to a project of Metashape; leave it out")
-    chosen = () if chunk is None else (chunk,)
-    poses: ReturnedPoses = function_at(RETURNED[form])(path, *chosen)
+    poses: ReturnedPoses = function_at(RETURNED[form])(path)
     return poses

@@ -34,6 +34,11 @@ def whole(text: str | None) -> int:
     return int(value) if value.is_integer() and 0.0 <= value < LARGEST_EXACT_INTEGER else -1
 
 
+def are_whole(*values: float) -> bool:
+    """Whether all numbers are whole, and exact as a float."""
+    return all(value.is_integer() and value < LARGEST_EXACT_INTEGER for value in values)
+
+
 def whole_rows(lines: Lines, values: Array, name: str) -> NDArray[np.int64]:
     """Return a column of whole numbers; InputError with the line for others."""
     wrong = (values != np.round(values)) | (np.abs(values) > LARGEST_EXACT_INTEGER)

@@ -1,6 +1,5 @@
 """Apparent sizes of a target of known size as a plain table, data_specs/target_sizes.md."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,7 +78,7 @@ def read_target_sizes(path: Source, columns: Columns = None) -> TargetSizes:
     )
 
 
-def write_target_sizes(sizes: TargetSizes, path: Source, comments: Sequence[str] = ()) -> None:
+def write_target_sizes(sizes: TargetSizes, path: Source) -> None:
     """Write a table of target sizes, pixels with 4 decimals.
 
     Parameters
@@ -88,8 +87,6 @@ def write_target_sizes(sizes: TargetSizes, path: Source, comments: Sequence[str]
         The sizes.
     path : path
         The file, written whole or not at all.
-    comments : sequence of str
-        Lines before the header.
 
     Raises
     ------
@@ -101,4 +98,4 @@ def write_target_sizes(sizes: TargetSizes, path: Source, comments: Sequence[str]
     images = quoted_names(sizes.images, ",")
     points = quoted_names(sizes.points, ",", "point")
     numbers = np.column_stack([sizes.size_px, sizes.sigma_px])
-    OUT.write(path, numbers, images, points, comments=comments)
+    OUT.write(path, numbers, images, points)
