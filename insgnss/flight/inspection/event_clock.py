@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...base.errors import InsgnssError
 from ...io.formats import read_events, sniff_events
 from ...navigation.recognise.turns import ENOUGH_IMAGES, exposures_off_lines
 from ...records import CameraEvents, GnssFixes, ImuSamples
@@ -119,6 +120,40 @@ def scale_of_dates(
     )
     keys = source.keys | {"time_scale": best}
     return replace(source, keys=keys, why=source.why | {"time_scale": why}), read[best]
+
+
+def on_clock_of_samples(
+    source: InputSource, events: CameraEvents, of_imu: InputSource, imu: ImuSamples
+) -> tuple[InputSource, CameraEvents]:
+    """Take the exposures by the column that stamps the samples, where their own does not reach.
+
+    Autopilots stamp every table with the time since power-up, some besides with another clock.
+
+    Parameters
+    ----------
+    source, events
+        The exposures.
+    of_imu, imu
+        The samples.
+    """
+    reach = (imu.time[0] <= events.time) & (events.time <= imu.time[-1])
+    columns, stamp = source.keys.get("columns"), of_imu.keys.get("columns")
+    if reach.any() or not isinstance(columns, dict) or not isinstance(stamp, dict):
+        return source, events
+    same = {**columns, "tow": stamp["tow"]}
+    same.pop("week", None)
+    units = {"units": {"time": of_imu.keys.get("units", {}).get("time", "s")}}
+    try:
+        read = read_events(source.path, columns=same, **units)
+    except InsgnssError:  # no such column, or no clock
+        return source, events
+    if not ((imu.time[0] <= read.time) & (read.time <= imu.time[-1])).any():
+        return source, events
+    why = "the column of this name stamps the samples too"
+    keys = source.keys | {"columns": same} | units
+    return replace(
+        source, keys=keys, why=source.why | dict.fromkeys(("columns", *units), why)
+    ), read
 
 
 def _are_samples(events: CameraEvents, imu: ImuSamples) -> bool:

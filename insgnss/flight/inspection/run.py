@@ -41,7 +41,7 @@ from .alone import Alone, by_gravity, rest_findings
 from .content import draft_flight
 from .discovery import Discovery, discover
 from .draft import write_draft
-from .event_clock import clock_of_events, scale_of_dates
+from .event_clock import clock_of_events, on_clock_of_samples, scale_of_dates
 from .evidence import (
     assumed_rate,
     in_counts,
@@ -149,6 +149,8 @@ def inspect_files(
     if gnss is not None and (ticks := as_long_as(imu_source, imu, gnss)) != imu_source:
         imu_source = ticks
         imu, gnss, events = _read(imu_source, gnss_source, events_source)
+    if events_source is not None and events is not None:
+        events_source, events = on_clock_of_samples(events_source, events, imu_source, imu)
     if events_source is not None and events is not None and gnss is not None:
         events_source, events = scale_of_dates(events_source, events, gnss)
     clock = clock_of_events((imu_source, gnss_source, events_source), imu, gnss, events)
