@@ -31,13 +31,14 @@ def _unit_keys() -> tuple[str, ...]:
 
 def _no_unit(item: Declared, quantity: str, unit: object) -> str:
     from ...io.formats.gnss.fixes import QUALITY_CODES
+    from ...io.formats.text.headers import KIND_OF
     from ...io.formats.text.units import SENSOR_SCALES, is_unit
 
     if quantity == "quality":
         if unit in QUALITY_CODES:
             return ""
         return f"is unknown; {near(str(unit), QUALITY_CODES)}"
-    kind = "angle" if quantity == "course" else quantity
+    kind = KIND_OF.get(quantity, quantity)
     if isinstance(unit, str) and is_unit(unit, kind):
         return ""
     return f"is no unit for it: {near(str(unit), tuple(SENSOR_SCALES[kind]))}"
@@ -77,9 +78,9 @@ class GnssInput(Checked, table="gnss"):
     )
     units: Mapping[str, str] | None = option(
         None,
-        "angle (of latitude and longitude), course: deg, rad; length (heights, standard "
-        "deviations): m, cm, mm; velocity: m/s, cm/s, mm/s, km/h, kn; time as imu.units; quality "
-        "(codes of a column `q`): rtklib, nmea",
+        "angle (of latitude and longitude), course: deg, rad; length (heights): m, cm, mm; "
+        "sigma (standard deviations of positions): as length; velocity: m/s, cm/s, mm/s, km/h, kn; "
+        "time as imu.units; quality (codes of a column `q`): rtklib, nmea",
         kind="gnss_units",
         members=_unit_keys,
         usual="by header, else SI and deg",

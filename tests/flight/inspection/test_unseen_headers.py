@@ -9,6 +9,7 @@ from insgnss.base.errors import InputError
 from insgnss.flight.inspection.discovery import discover
 from insgnss.flight.inspection.tables.grids import tables_of_file
 from insgnss.flight.inspection.tables.tabular import sources_of_table
+from insgnss.io.formats import read_gnss
 from insgnss.io.formats.text.text import read_table
 
 ROWS = 400
@@ -176,3 +177,21 @@ def test_camera_messages_beside_fixes_are_exposures(tmp_path: Path) -> None:
         np.savetxt(tmp_path / name, table, "%.9g", ",", header=header, comments="")
     found = {source.path.name: source.role for source in discover([tmp_path]).sources}
     assert found == {"GPS.csv": "gnss", "CAM.csv": "events"}
+
+
+def test_heights_in_millimetres_beside_deviations_in_metres(tmp_path: Path) -> None:
+    """Oracle: PX4's receiver message: whole mm beside float eph and epv in m."""
+    k = np.arange(ROWS)
+    lat, lon, h = 465e6 + 10 * k, 65e6 + 10 * k, np.round(5e5 + 100 * np.sin(k))
+    table = np.column_stack([205200 + 0.2 * k, lat, lon, h, np.full((ROWS, 2), [0.014, 0.02])])
+    path = tmp_path / "gps.csv"
+    np.savetxt(path, table, "%.9g", ",", header="tow,lat,lon,alt,eph,epv", comments="")
+    (grid,) = tables_of_file(path)
+    (source,) = sources_of_table(path, grid)
+    fixes = read_gnss(path, columns=source.keys["columns"], units=source.keys["units"])
+    np.testing.assert_allclose(np.sqrt(np.diagonal(fixes.cov_ned[0])), [0.014, 0.014, 0.02])
+    np.testing.assert_allclose(fixes.height, 1e-3 * h)
+    whole = read_gnss(
+        path, columns=source.keys["columns"], units={"angle": "1e-7 deg", "length": "mm"}
+    )
+    np.testing.assert_allclose(np.sqrt(whole.cov_ned[0, 0, 0]), 1.4e-5)

@@ -203,6 +203,9 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
         and (height == np.round(height)).all()
     ):
         units["length"] = "mm"  # receivers that count so write whole millimetres
+        sigmas = grid.values[:, [k for name, k in columns.items() if name in SIGMA_ROLES]]
+        if not (sigmas == np.round(sigmas)).all():
+            units["sigma"] = "m"
         speeds = [k for name, k in columns.items() if name in ("vn", "ve", "vd", "vu", "speed")]
         if speeds and (grid.values[:, speeds] == np.round(grid.values[:, speeds])).all():
             units["velocity"] = "mm/s"

@@ -51,6 +51,7 @@ UNIT_REASONS = {
     "mm": "heights are whole numbers beside latitudes in 1e-7 deg",
 }
 VELOCITY_UNIT_REASON = "velocities are whole numbers beside heights in mm"
+SIGMA_UNIT_REASON = "standard deviations are no whole numbers beside heights in mm"
 NMEA_CODES = (
     "the standard deviations show that the quality has the codes of NMEA: 1 single, 4 fixed, 5"
     " float"
@@ -249,6 +250,8 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
                 quantity = "a course" if key == "course" else "latitude and longitude"
                 usual = f"no value exceeds what {quantity} in rad can be"
                 entry.set_unit(key, value, UNIT_REASONS.get(value, usual))
+        if "sigma" in roles.units:
+            entry.set_unit("sigma", roles.units["sigma"], SIGMA_UNIT_REASON)
         if "velocity" in roles.units:
             entry.set_unit("velocity", roles.units["velocity"], VELOCITY_UNIT_REASON)
         if roles.repeat_column is not None:

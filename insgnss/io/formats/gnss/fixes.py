@@ -48,6 +48,7 @@ class FixScales:
 
     angle: float = 1.0
     length: float = 1.0
+    sigma: float = 1.0  # of positions
     velocity: float = 1.0
     course: float = 1.0
     time: str = "s"
@@ -117,7 +118,7 @@ def fixes_from_columns(
     cols, floor_notes = with_floors_of_zeros(cols)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
-    cov, assumed = _covariance(cols, FIX_SIGMAS, scales.length, lines, options.sigma_m, "sigma_m")
+    cov, assumed = _covariance(cols, FIX_SIGMAS, scales.sigma, lines, options.sigma_m, "sigma_m")
     unstated = int((assumed & (cols.get(ASSUMED, 0.0) == 0.0)).sum())
     if 0 < unstated < time.size:
         finding = f"{unstated} of {time.size} fixes state no standard deviation, or 0"

@@ -33,6 +33,7 @@ from .fixes import (
 from .heights import settled_undulation
 
 SIGMA_NAMES, SPEED_SIGMAS = " ".join(FIX_SIGMAS), " ".join(VELOCITY_SIGMA)
+SIGMAS_M = f"{SIGMA_NAMES} sd_ne sd_x sd_y sd_z"
 REQUIRED = "tow lat lon h"
 SPEC = TableSpec(
     GNSS | dict.fromkeys(OF_THE_SOLUTION, ""),  # the last are of a header: `_described`
@@ -47,7 +48,8 @@ SPEC = TableSpec(
     units={
         "angle": "lat lon",
         "time": "tow",
-        "length": f"h {SIGMA_NAMES} sd_ne x y z sd_x sd_y sd_z north east down up",
+        "length": "h x y z north east down up",
+        "sigma": SIGMAS_M,
         "velocity": f"{' '.join(FIX_VELOCITIES)} {SPEED_SIGMAS} sd_v speed",
         "course": "course",
     },
@@ -94,7 +96,8 @@ def read_gnss_text(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
         The file.
     options : ReadOptions
         `columns` of the keys of `GNSS`; `units` of "angle" (latitude and longitude: deg, rad),
-        "time", "length", "velocity", "course" (deg, rad) and "quality" (rtklib, nmea);
+        "time", "length", "sigma" (of positions), "velocity", "course" (deg, rad) and "quality"
+        (rtklib, nmea);
         `undulation_m`, added to heights that are above the geoid (`heights`); `reference`, else
         that of a comment; `repeat_column`, whose changes are new fixes.
 
@@ -176,10 +179,12 @@ def fix_scales(settled: Settled, units: Mapping[str, str]) -> FixScales:
     ----------
     settled : Settled
         The caller's units, else those that the header gives; deg, m, m/s and s where neither says.
+        Standard deviations are in the unit of heights where they have none of their own.
     units : mapping
         The caller's units.
     """
-    factors = {key: settled.factors[key] for key in ("angle", "length", "velocity", "course")}
+    keys = ("angle", "length", "sigma", "velocity", "course")
+    factors = {key: settled.factors[key] for key in keys}
     time, quality = settled.units["time"], units.get("quality", "rtklib")
     return FixScales(**factors, time=time, quality=quality)
 

@@ -26,7 +26,8 @@ Kinds = Mapping[str, tuple[str, ...]]
 TIME_UNITS = ("s", "ms", "us", "ns")
 TIME_FACTORS = {unit: SENSOR_SCALES["time"][unit] for unit in TIME_UNITS}
 SENSORS = ("gyro", "accel")
-KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
+KIND_OF = {"course": "angle", "sigma": "length"}  # kinds of units by their key, where it is another
+UNIT_AS = {"sigma": "length"}  # key whose unit another one has where none is stated
 _OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3])|[pqr])_?([a-z°µ].*)")
 _GLUED = {
     "angle": re.compile(
@@ -216,11 +217,12 @@ def settled_units(
     InputError, UsageError
         A unit that is none, with `path` and `line`.
     """
-    units, factors, notes = {}, {}, []
+    units: dict[str, str] = {}
+    factors, notes = {}, []
     for key, names in columns.items():
         kind, unit = (kinds or KIND_OF).get(key, key), requested.get(key)
         stated = unit or agreed_unit(path, line, names, fields[key], kind)
-        units[key] = stated or next(iter(SENSOR_SCALES[kind]))
+        units[key] = stated or units.get(UNIT_AS.get(key, ""), next(iter(SENSOR_SCALES[kind])))
         try:
             factors[key] = unit_factor(units[key], kind)
         except UsageError as refusal:
