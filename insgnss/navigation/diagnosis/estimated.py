@@ -24,6 +24,13 @@ from ..filter.codes import (
 )
 from ..filter.solution import Solution
 
+MOVED_SIGMAS = 2.0  # of a constant that is zero, which 5 % of flights reach
+MOVED_M = 0.01  # smaller errors move images by less than two of their sigmas
+# s: 15 mm at 15 m/s; a smaller sigma states an IMU on the receiver's PPS, which has no rate
+MOVED_S = 1e-3
+BESIDE_RATE = 3e-5  # s/s, a-priori sigma of a clock's rate: tolerance of a quartz
+UNDETERMINED = 0.7  # of the a-priori sigma of an offset: the flight tells no more than that did
+
 
 def constant(solution: Solution, state: int) -> tuple[float, float]:
     """Return the smoothed value of a constant error state and its sigma, at the last epoch.
@@ -43,6 +50,52 @@ def constant(solution: Solution, state: int) -> tuple[float, float]:
     row = NAV.stop + state
     variance = max(float(solution.variance(np.array([-1]))[0, row]), 0.0)
     return float(solution.x[-1, state]), float(np.sqrt(variance))
+
+
+def has_moved(solution: Solution, state: int, least: float) -> bool:
+    """Tell whether the smoothed value of a constant error state has left zero.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    state : int
+        The index of the state among those behind navigation.
+    least : float
+        The smallest value that counts, SI.
+
+    Returns
+    -------
+    bool
+        Whether it is beyond that and `MOVED_SIGMAS` of its sigma.
+    """
+    value, sigma = constant(solution, state)
+    return abs(value) > max(least, MOVED_SIGMAS * sigma)
+
+
+def rate_is_missing(solution: Solution) -> bool:
+    """Tell whether the time offset of the fixes, without a rate, is beyond its a-priori sigma.
+
+    Or the flight, a straight one say, does not determine it, nor then a rate that moves positions.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    bool
+        False where the sigma of the offset states that clocks are synchronised.
+    """
+    layout, offset = solution.problem.layout, solution.problem.layout.offset
+    prior = float(layout.sigma0[offset])
+    if offset < 0 or layout.rate >= 0 or prior < MOVED_S:
+        return False
+    length_s = float(solution.time[-1] - solution.time[0])
+    moves_m = 0.5 * BESIDE_RATE * length_s * rms_speed(solution)
+    undetermined = constant(solution, offset)[1] > UNDETERMINED * prior and moves_m > MOVED_M
+    return undetermined or has_moved(solution, offset, prior)
 
 
 def constant_states(

@@ -39,13 +39,10 @@ from ..filter.solution import Solution, solve
 from .advice import millimetres
 from .candidates import ErrorModel, with_every_constant
 from .constants import OTHERS
-from .estimated import constant
+from .estimated import MOVED_M, has_moved
 from .evidence import ErrorModelSearch, Posed, misfit
 
 LOAD_S = 0.25  # s on either side, over which the load factor is a mean: longer than vibration lasts
-# of the lever arm downwards, from which on it may be a lag of the fixes: smaller ones move images
-# by less than two of their sigmas, and right arms reach it in 4 % of flights
-MOVED_M, MOVED_SIGMAS = 0.01, 2.0
 
 
 def with_earlier_gyros(
@@ -298,10 +295,7 @@ def ungated(problem: EstimationProblem) -> EstimationProblem:
 def arm_has_moved(solution: Solution) -> bool:
     """Tell whether the state of the lever arm has left zero, downwards or upwards."""
     first = solution.problem.layout.lever
-    if first < 0:
-        return False
-    value, sigma = constant(solution, first + 2)
-    return abs(value) > max(MOVED_M, MOVED_SIGMAS * sigma)
+    return first >= 0 and has_moved(solution, first + 2, MOVED_M)
 
 
 def lag_beside_arm(
