@@ -31,7 +31,7 @@ from .drift import (
     least_misfit,
     slow_bias_candidate,
 )
-from .estimated import BESIDE_RATE, constant, fix_counts, rate_is_missing
+from .estimated import constant, fix_counts, missing_rate
 from .evidence import (
     FEWEST_FIXES,
     ErrorModelSearch,
@@ -259,8 +259,8 @@ def next_state(
             of_constants = suspected.evidence, lambda: allowed
     elif state.attempted.isdisjoint(AS_ARM) and arm_has_moved(state.solution):
         of_delay = _beside_arm(search, posed, state)
-    elif BESIDE_OFFSET not in state.attempted and rate_is_missing(state.solution):
-        of_delay = 0.0, lambda: _beside_offset(search, posed, state)
+    elif BESIDE_OFFSET not in state.attempted and (rate := missing_rate(state.solution)):
+        of_delay = 0.0, lambda: _beside_offset(search, posed, state, rate)
     variance = _variance(search, posed, state, variances) if promising else None
     candidates = [slow, variance, of_delay]
     if suspicious is not None:
@@ -300,16 +300,18 @@ def _beside_arm(search: ErrorModelSearch, posed: Posed, state: Stage) -> Candida
     return 0.0, lambda: state.after_trial([BESIDE_ARM], sentence=sentence, shared=shared)
 
 
-def _beside_offset(search: ErrorModelSearch, posed: Posed, state: Stage) -> Stage | None:
+def _beside_offset(
+    search: ErrorModelSearch, posed: Posed, state: Stage, rate: float
+) -> Stage | None:
     """Estimate a rate with a time offset that a state has taken: the mean of a rate is one."""
-    model = replace(state.model, fixes=replace(state.model.fixes, clock_rate=BESIDE_RATE))
+    model = replace(state.model, fixes=replace(state.model.fixes, clock_rate=rate))
     solution = search.solved(posed, model)
     if solution is None:
         return None
     offset, sigma = constant(state.solution, state.solution.problem.layout.offset)
     sentence = (
         f"the stamps of the fixes lack {1e3 * offset:+.1f} +- {1e3 * sigma:.1f} ms, which is"
-        f" corrected; a rate of their clock of {1e6 * BESIDE_RATE:.0f} ppm is allowed for as well"
+        f" corrected; a rate of their clock of {1e6 * rate:.0f} ppm is allowed for as well"
     )
     return state.after_trial([BESIDE_OFFSET], (), sentence, (solution, model))
 

@@ -29,6 +29,7 @@ MOVED_M = 0.01  # smaller errors move images by less than two of their sigmas
 # s: 15 mm at 15 m/s; a smaller sigma states an IMU on the receiver's PPS, which has no rate
 MOVED_S = 1e-3
 BESIDE_RATE = 3e-5  # s/s, a-priori sigma of a clock's rate: tolerance of a quartz
+UNSEEN_RATE = 1e-5  # s/s, where nothing speaks for one: more would spoil good flights in circles
 UNDETERMINED = 0.7  # of the a-priori sigma of an offset: the flight tells no more than that did
 
 
@@ -73,10 +74,8 @@ def has_moved(solution: Solution, state: int, least: float) -> bool:
     return abs(value) > max(least, MOVED_SIGMAS * sigma)
 
 
-def rate_is_missing(solution: Solution) -> bool:
-    """Tell whether the time offset of the fixes, without a rate, is beyond its a-priori sigma.
-
-    Or the flight, a straight one say, does not determine it, nor then a rate that moves positions.
+def missing_rate(solution: Solution) -> float:
+    """Return which rate the clock of the fixes may have beside a time offset without one.
 
     Parameters
     ----------
@@ -85,17 +84,21 @@ def rate_is_missing(solution: Solution) -> bool:
 
     Returns
     -------
-    bool
-        False where the sigma of the offset states that clocks are synchronised.
+    float
+        Its a-priori sigma, s/s: `BESIDE_RATE` where the offset is beyond its a-priori sigma,
+        `UNSEEN_RATE` where the flight, a straight one say, does not determine it; 0 where neither,
+        or the sigma of the offset states that the clocks are synchronised.
     """
     layout, offset = solution.problem.layout, solution.problem.layout.offset
     prior = float(layout.sigma0[offset])
     if offset < 0 or layout.rate >= 0 or prior < MOVED_S:
-        return False
+        return 0.0
+    if has_moved(solution, offset, prior):
+        return BESIDE_RATE
     length_s = float(solution.time[-1] - solution.time[0])
-    moves_m = 0.5 * BESIDE_RATE * length_s * rms_speed(solution)
+    moves_m = UNSEEN_RATE * length_s * rms_speed(solution)
     undetermined = constant(solution, offset)[1] > UNDETERMINED * prior and moves_m > MOVED_M
-    return undetermined or has_moved(solution, offset, prior)
+    return UNSEEN_RATE if undetermined else 0.0
 
 
 def constant_states(

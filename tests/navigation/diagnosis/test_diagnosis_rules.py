@@ -405,7 +405,7 @@ def test_a_lag_is_tried_where_the_lever_arm_has_moved(monkeypatch, evidence, his
     )
     monkeypatch.setattr(decision, "_slow_bias", lambda *_: None)
     monkeypatch.setattr(decision, "arm_has_moved", lambda _: True)
-    monkeypatch.setattr(decision, "rate_is_missing", lambda _: False)
+    monkeypatch.setattr(decision, "missing_rate", lambda _: 0.0)
     lag = SimpleNamespace(
         evidence=evidence,
         sentence="lag",
@@ -425,11 +425,11 @@ def test_a_lag_is_tried_where_the_lever_arm_has_moved(monkeypatch, evidence, his
 
 
 @pytest.mark.parametrize(
-    ("offset_s", "sigma_s", "opened"),
-    [(3e-3, 2e-4, True), (1.9e-3, 2e-4, False), (0.0, 1.5e-3, True), (0.0, 1.3e-3, False)],
+    ("offset_s", "sigma_s", "rate"),
+    [(3e-3, 2e-4, 3e-5), (1.9e-3, 2e-4, 0.0), (0.0, 1.5e-3, 1e-5), (0.0, 1.3e-3, 0.0)],
 )
 def test_a_time_offset_that_has_moved_gets_a_rate_beside_it(
-    monkeypatch, offset_s, sigma_s, opened
+    monkeypatch, offset_s, sigma_s, rate
 ) -> None:
     """Oracle: the rule: a mean offset of 3 ms may be a clock of 20 ppm over five minutes, and
     so may what a straight flight leaves at its a-priori sigma of 2 ms.
@@ -455,9 +455,9 @@ def test_a_time_offset_that_has_moved_gets_a_rate_beside_it(
     )
     here = decision.Stage(before, decision.ErrorModel(FixErrors(time_offset_s=2e-3)))
     adopted = decision.next_state(search, (None, None), here, None)
-    assert (adopted is not None) == opened
+    assert (adopted is not None) == (rate > 0.0)
     if adopted is not None:
-        assert adopted.solution == decision.BESIDE_RATE
+        assert adopted.solution == rate
         assert f"lack {1e3 * offset_s:+.1f} +-" in adopted.history[0]
 
 
