@@ -30,6 +30,7 @@ from ...base.errors import DataError
 from ...base.units import MILLI_G, STANDARD_GRAVITY
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
+from ...records.cameras.mounting import UNSTATED_PHASE_CENTRE_SIGMA_M
 from ...records.interpolation import columns_at
 from ...records.states import State
 from ..filter.codes import POS, QUAT, VEL
@@ -293,9 +294,14 @@ def ungated(problem: EstimationProblem) -> EstimationProblem:
 
 
 def arm_has_moved(solution: Solution) -> bool:
-    """Tell whether the state of the lever arm has left zero, downwards or upwards."""
-    first = solution.problem.layout.lever
-    return first >= 0 and has_moved(solution, first + 2, MOVED_M)
+    """Tell whether the state of the lever arm has left zero, downwards or upwards.
+
+    Not one that the flight is to find, whose a-priori sigma is wide: there a lag is not tried.
+    """
+    layout, down = solution.problem.layout, solution.problem.layout.lever + 2
+    if layout.lever < 0 or layout.sigma0[down] > UNSTATED_PHASE_CENTRE_SIGMA_M:
+        return False
+    return has_moved(solution, down, MOVED_M)
 
 
 def lag_beside_arm(
