@@ -124,10 +124,10 @@ class GnssInput(Checked, table="gnss"):
         unit="s",
     )
     time_sigma_s: float = option(
-        2e-4,
-        "standard deviation of the time offset between fixes and IMU (default: IMU synchronised"
-        " by the receiver's PPS), carried as a state, so that every covariance includes it; 0:"
-        " exact",
+        1e-3,
+        "standard deviation of the time offset between fixes and IMU (default: nobody states how"
+        " they are synchronised; an IMU on the receiver's PPS: 2e-4), carried as a state, so that"
+        " every covariance includes it; 0: exact",
         unit="s",
         low=0.0,
         high=1.0,

@@ -136,6 +136,24 @@ def _shown(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> b
     )
 
 
+def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State, ...]:
+    """Return the groups that are estimated together, and so in the covariance.
+
+    Parameters
+    ----------
+    suspected : Hypothesis
+        What is suspected.
+    rivals : sequence of Hypothesis
+        What the flight does not tell from it.
+
+    Returns
+    -------
+    tuple of State
+        Their groups, each once.
+    """
+    return tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
+
+
 def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     """Return a hypothesis with the values of the solution where they are far from the flight file.
 

@@ -15,7 +15,7 @@ from ..filter.problem import InitialState
 from ..filter.smoother import SharedError
 from ..filter.solution import Solution
 from ..innovations.withheld import predicts
-from .advice import advice, as_solved, message, unseen, variance_check
+from .advice import advice, as_solved, message, together, unseen, variance_check
 from .candidates import FAR_FACTOR, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
 from .constants import (
@@ -32,7 +32,7 @@ from .drift import (
     least_misfit,
     slow_bias_candidate,
 )
-from .estimated import fix_counts
+from .estimated import constant, fix_counts, missing_rate
 from .evidence import (
     FEWEST_FIXES,
     ErrorModelSearch,
@@ -42,7 +42,13 @@ from .evidence import (
     misfit,
 )
 from .sensitivity import Sensitivity
-from .sensor_dynamics import DYNAMICS, DynamicsTrial, arm_has_moved, lag_beside_arm, late_sensors
+from .sensor_dynamics import (
+    DYNAMICS,
+    DynamicsTrial,
+    arm_has_moved,
+    lag_beside_arm,
+    late_sensors,
+)
 from .time_correlated import is_suspicious, time_correlated_error
 from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
@@ -51,6 +57,7 @@ LATE_SENSORS = tuple(one.name for one in DYNAMICS)  # and so are delays of a sen
 BESIDE_ARM = "lag beside the lever arm"
 # attempted: then no lag is looked for in what the state of the lever arm has taken
 AS_ARM = (*OF_LEVER_ARM, BESIDE_ARM, *(one.name for one in DYNAMICS if one.of_motion))
+BESIDE_OFFSET = "rate beside the time offset"
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
@@ -253,6 +260,8 @@ def next_state(
             of_constants = suspected.evidence, lambda: allowed
     elif state.attempted.isdisjoint(AS_ARM) and arm_has_moved(state.solution):
         of_delay = _beside_arm(search, posed, state)
+    elif BESIDE_OFFSET not in state.attempted and (rate := missing_rate(state.solution)):
+        of_delay = 0.0, lambda: _beside_offset(search, posed, state, rate)
     variance = _variance(search, posed, state, variances) if promising else None
     candidates = [slow, variance, of_delay]
     if suspicious is not None:
@@ -290,6 +299,22 @@ def _beside_arm(search: ErrorModelSearch, posed: Posed, state: Stage) -> Candida
     shared = (lag.shared_error(state.solution, adopted=False),)
     sentence = f"in the covariance, as a rival of the lever arm that is estimated: {lag.sentence}"
     return 0.0, lambda: state.after_trial([BESIDE_ARM], sentence=sentence, shared=shared)
+
+
+def _beside_offset(
+    search: ErrorModelSearch, posed: Posed, state: Stage, rate: float
+) -> Stage | None:
+    """Estimate a rate with a time offset that a state has taken: the mean of a rate is one."""
+    model = replace(state.model, fixes=replace(state.model.fixes, clock_rate=rate))
+    solution = search.solved(posed, model)
+    if solution is None:
+        return None
+    offset, sigma = constant(state.solution, state.solution.problem.layout.offset)
+    sentence = (
+        f"the stamps of the fixes lack {1e3 * offset:+.1f} +- {1e3 * sigma:.1f} ms, which is"
+        f" corrected; a rate of their clock of {1e6 * rate:.0f} ppm is allowed for as well"
+    )
+    return state.after_trial([BESIDE_OFFSET], (), sentence, (solution, model))
 
 
 def _with_constants(
@@ -427,24 +452,6 @@ def _time_correlated(
     model = replace(state.model, fixes=errors)
     evidence = variances.evidence_of(search.layout(model), parameters)
     return max(evidence, 0.0), lambda: _adopted(search, posed, state, model)
-
-
-def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State, ...]:
-    """Return the groups that are estimated together, and so in the covariance.
-
-    Parameters
-    ----------
-    suspected : Hypothesis
-        What is suspected.
-    rivals : sequence of Hypothesis
-        What the flight does not tell from it.
-
-    Returns
-    -------
-    tuple of State
-        Their groups, each once.
-    """
-    return tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
 
 
 def _resets(solution: Solution) -> int:

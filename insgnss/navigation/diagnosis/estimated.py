@@ -24,6 +24,14 @@ from ..filter.codes import (
 )
 from ..filter.solution import Solution
 
+MOVED_SIGMAS = 2.0  # of a constant that is zero, which 5 % of flights reach
+MOVED_M = 0.01  # smaller errors move images by less than two of their sigmas
+# s: 15 mm at 15 m/s; a smaller sigma states an IMU on the receiver's PPS, which has no rate
+MOVED_S = 1e-3
+BESIDE_RATE = 3e-5  # s/s, a-priori sigma of a clock's rate: tolerance of a quartz
+UNSEEN_RATE = 1e-5  # s/s, where nothing speaks for one: more would spoil good flights in circles
+UNDETERMINED = 0.7  # of the a-priori sigma of an offset: the flight tells no more than that did
+
 
 def constant(solution: Solution, state: int) -> tuple[float, float]:
     """Return the smoothed value of a constant error state and its sigma, at the last epoch.
@@ -43,6 +51,54 @@ def constant(solution: Solution, state: int) -> tuple[float, float]:
     row = NAV.stop + state
     variance = max(float(solution.variance(np.array([-1]))[0, row]), 0.0)
     return float(solution.x[-1, state]), float(np.sqrt(variance))
+
+
+def has_moved(solution: Solution, state: int, least: float) -> bool:
+    """Tell whether the smoothed value of a constant error state has left zero.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    state : int
+        The index of the state among those behind navigation.
+    least : float
+        The smallest value that counts, SI.
+
+    Returns
+    -------
+    bool
+        Whether it is beyond that and `MOVED_SIGMAS` of its sigma.
+    """
+    value, sigma = constant(solution, state)
+    return abs(value) > max(least, MOVED_SIGMAS * sigma)
+
+
+def missing_rate(solution: Solution) -> float:
+    """Return which rate the clock of the fixes may have beside a time offset without one.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    float
+        Its a-priori sigma, s/s: `BESIDE_RATE` where the offset is beyond its a-priori sigma,
+        `UNSEEN_RATE` where the flight, a straight one say, does not determine it; 0 where neither,
+        or the sigma of the offset states that the clocks are synchronised.
+    """
+    layout, offset = solution.problem.layout, solution.problem.layout.offset
+    prior = float(layout.sigma0[offset])
+    if offset < 0 or layout.rate >= 0 or prior < MOVED_S:
+        return 0.0
+    if has_moved(solution, offset, prior):
+        return BESIDE_RATE
+    length_s = float(solution.time[-1] - solution.time[0])
+    moves_m = UNSEEN_RATE * length_s * rms_speed(solution)
+    undetermined = constant(solution, offset)[1] > UNDETERMINED * prior and moves_m > MOVED_M
+    return UNSEEN_RATE if undetermined else 0.0
 
 
 def constant_states(

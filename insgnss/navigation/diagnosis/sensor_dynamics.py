@@ -30,6 +30,7 @@ from ...base.errors import DataError
 from ...base.units import MILLI_G, STANDARD_GRAVITY
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
+from ...records.cameras.mounting import UNSTATED_PHASE_CENTRE_SIGMA_M
 from ...records.interpolation import columns_at
 from ...records.states import State
 from ..filter.codes import POS, QUAT, VEL
@@ -39,13 +40,10 @@ from ..filter.solution import Solution, solve
 from .advice import millimetres
 from .candidates import ErrorModel, with_every_constant
 from .constants import OTHERS
-from .estimated import constant
+from .estimated import MOVED_M, has_moved
 from .evidence import ErrorModelSearch, Posed, misfit
 
 LOAD_S = 0.25  # s on either side, over which the load factor is a mean: longer than vibration lasts
-# of the lever arm downwards, from which on it may be a lag of the fixes: smaller ones move images
-# by less than two of their sigmas, and right arms reach it in 4 % of flights
-MOVED_M, MOVED_SIGMAS = 0.01, 2.0
 
 
 def with_earlier_gyros(
@@ -296,12 +294,14 @@ def ungated(problem: EstimationProblem) -> EstimationProblem:
 
 
 def arm_has_moved(solution: Solution) -> bool:
-    """Tell whether the state of the lever arm has left zero, downwards or upwards."""
-    first = solution.problem.layout.lever
-    if first < 0:
+    """Tell whether the state of the lever arm has left zero, downwards or upwards.
+
+    Not one that the flight is to find, whose a-priori sigma is wide: there a lag is not tried.
+    """
+    layout, down = solution.problem.layout, solution.problem.layout.lever + 2
+    if layout.lever < 0 or layout.sigma0[down] > UNSTATED_PHASE_CENTRE_SIGMA_M:
         return False
-    value, sigma = constant(solution, first + 2)
-    return abs(value) > max(MOVED_M, MOVED_SIGMAS * sigma)
+    return has_moved(solution, down, MOVED_M)
 
 
 def lag_beside_arm(

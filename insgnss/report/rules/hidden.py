@@ -51,12 +51,14 @@ def _of_positions(f: Figures) -> Iterator[Finding]:
         f" {stated})",
     )
     arm = antenna_sigmas(f["flight"].get("mounting", {}).get("antenna_sigma_m"))
+    late_s = (f["flight"].get("gnss") or {}).get("time_sigma_s")
+    stamps = "" if late_s is None else f", and for stamps off by {1e3 * late_s:g} ms"
     constants = [c["found"] for c in f["checks"] if c["name"] == UNSEEN]
     effect = f"an error within the sigma of the lever arm shifts {moved} by as much"
     yield _note(
         "antenna phase centre and GNSS time stamps",
         f"{constants[0] if constants else effect}; the sigmas allow for an arm off by"
-        f" {1e3 * arm[0]:g} mm, in height by {1e3 * arm[2]:g} mm",
+        f" {1e3 * arm[0]:g} mm, in height by {1e3 * arm[2]:g} mm{stamps}",
         "measure the lever arm to the phase centre that the GNSS engine uses;"
         " mounting.antenna_sigma_m and gnss.time_sigma_s state how well both are known",
     )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from insgnss.navigation.diagnosis import (
     clock_step,
     constants,
     decision,
+    estimated,
     incorrect_fixes,
     time_correlated,
 )
@@ -372,6 +374,7 @@ def test_a_lag_is_tried_where_the_lever_arm_has_moved(monkeypatch, evidence, his
     )
     monkeypatch.setattr(decision, "_slow_bias", lambda *_: None)
     monkeypatch.setattr(decision, "arm_has_moved", lambda _: True)
+    monkeypatch.setattr(decision, "missing_rate", lambda _: 0.0)
     lag = SimpleNamespace(
         evidence=evidence,
         sentence="lag",
@@ -388,6 +391,43 @@ def test_a_lag_is_tried_where_the_lever_arm_has_moved(monkeypatch, evidence, his
     assert adopted.solution == ("with lag" if evidence > 0.0 else "before")
     assert history[0] in adopted.history[0]
     assert decision.next_state(search, (None, None), adopted, None) is None
+
+
+@pytest.mark.parametrize(
+    ("offset_s", "sigma_s", "rate"),
+    [(3e-3, 2e-4, 3e-5), (1.9e-3, 2e-4, 0.0), (0.0, 1.5e-3, 1e-5), (0.0, 1.3e-3, 0.0)],
+)
+def test_a_time_offset_that_has_moved_gets_a_rate_beside_it(
+    monkeypatch, offset_s, sigma_s, rate
+) -> None:
+    """Oracle: the rule: a mean offset of 3 ms may be a clock of 20 ppm over five minutes, and
+    so may what a straight flight leaves at its a-priori sigma of 2 ms.
+    """
+    monkeypatch.setattr(
+        decision, "VarianceSearch", lambda *_: SimpleNamespace(promising=lambda: ())
+    )
+    monkeypatch.setattr(decision, "_slow_bias", lambda *_: None)
+    monkeypatch.setattr(decision, "arm_has_moved", lambda _: False)
+    monkeypatch.setattr(estimated, "constant", lambda *_: (offset_s, sigma_s))
+    monkeypatch.setattr(decision, "constant", lambda *_: (offset_s, sigma_s))
+    layout = SimpleNamespace(offset=3, rate=-1, sigma0=np.full(4, 2e-3))
+    monkeypatch.setattr(estimated, "rms_speed", lambda _: 15.0)
+    before: Any = SimpleNamespace(
+        problem=SimpleNamespace(layout=layout), time=np.array([0.0, 84.0])
+    )
+    search = SimpleNamespace(
+        time_correlated=False,
+        progress=None,
+        variances=True,
+        claims=NO_CLAIMS,
+        solved=lambda _, model: model.fixes.clock_rate,
+    )
+    here = decision.Stage(before, decision.ErrorModel(FixErrors(time_offset_s=2e-3)))
+    adopted = decision.next_state(search, (None, None), here, None)
+    assert (adopted is not None) == (rate > 0.0)
+    if adopted is not None:
+        assert adopted.solution == rate
+        assert f"lack {1e3 * offset_s:+.1f} +-" in adopted.history[0]
 
 
 @pytest.mark.parametrize(
