@@ -10,6 +10,8 @@ gross are planted alone in copies of the files. A run is
     covered          calm, and every pose is within 4 of its sigmas or within 2 cm
     told             refused, or told, in general words or with another cause
     blamed           the same, and a lever arm or a datum is blamed that was not planted
+    disclosed        as silent, but a remark (right blocks have it, too) gives the size that would
+                     go unnoticed
     silent           calm, and a pose is off by more than both
     wrongly          harmless, and told
     traceback        ended by what is no error of the package
@@ -72,8 +74,8 @@ gauss_markov = plugged("published_blocks.pose_errors").gauss_markov
 
 ORIGIN = (np.radians(46.57), np.radians(6.54), 450.0)
 WEEK, FIRST_TOW, CRS, GEOID_M = 2300, 200000.0, "EPSG:32632", 48.3
-VERDICTS = ("culprit", "covered", "told", "blamed", "silent", "wrongly", "traceback")
-BAD = VERDICTS[3:]
+VERDICTS = ("culprit", "covered", "told", "disclosed", "blamed", "silent", "wrongly", "traceback")
+BAD = VERDICTS[4:]
 NEED_M, WORST_Z = 0.02, 4.0
 CORRELATION_S = 300.0
 CAMERA = BrownCamera(
@@ -251,6 +253,7 @@ def block_of(kind: str, seed: int, correlated: float = 0.0, control: int = 5) ->
     )
     if correlated:
         block.options = ["--shift-sigma", *(f"{x:.4f}" for x in s * np.sqrt(correlated))]
+        block.options += ["--shift-correlation", f"{CORRELATION_S:g}"]
     return block
 
 
@@ -556,12 +559,12 @@ def judged(block: Block, case: Case, size: float, kind: str) -> Run:
             verdict = "wrongly" if not calm else "covered" if covered else "silent"
         elif calm:
             named = bool(case.culprit and re.search(case.culprit, message))
-            verdict = "culprit" if named else "covered" if covered else "silent"
+            verdict = "covered" if covered else "disclosed" if named else "silent"
         elif re.search(case.culprit, message):
             verdict = "culprit"
         else:
             verdict = "told"
-        if not calm and not case.blames and re.search(BLAME, message):
+        if verdict == "told" and not case.blames and re.search(BLAME, message):
             verdict = "blamed"
         return Run(name, kind, verdict, code, message, worst, z, taken)
 
@@ -603,8 +606,9 @@ def good(job: tuple[str, int, float]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as temporary:
         directory = Path(temporary)
         words = written(block, directory)
-        shifts = words[words.index("--shift-sigma") + 1 :] if correlated else []
+        shifts = words[words.index("--shift-sigma") + 1 :][:3] if correlated else []
         shift = f"shift_sigma_m = [{', '.join(shifts)}]" if correlated else ""
+        shift += f"\nshift_correlation_s = {CORRELATION_S}" if correlated else ""
         (directory / "block.toml").write_text(
             '[images]\nfile = "image_points.csv"\n[camera]\nfile = "camera.toml"\n'
             '[aerial_control]\nfile = "Timestamp.MRK"\ninitial = "EO.txt"\n'
