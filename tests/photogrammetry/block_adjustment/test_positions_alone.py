@@ -125,6 +125,7 @@ def test_a_drone_without_imu_is_adjusted_by_one_command(flown, without_imu, tmp_
     text = capsys.readouterr().out
     assert "no observation group contradicts another" in text
     assert "attitudes are estimated from the image observations" in " ".join(text.split())
+    assert re.search(r"lever arm .* of up to \d+ mm along the camera's viewing direction", text)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         *("EO_local-plane.txt", "adjust.html", "adjust.json", "camera.toml", "eo.json"),
         *("camera_metashape.xml", "poses.csv"),
