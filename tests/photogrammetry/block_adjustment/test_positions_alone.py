@@ -169,6 +169,11 @@ def test_what_positions_alone_lack_is_asked_for(flown, without_imu, tmp_path, mo
     bare = tmp_path / "bare.MRK"
     text = (directory / "Timestamp.MRK").read_text()
     bare.write_text(text.replace("\t0.02, 0.02, 0.03", ""))
+    tiny = tmp_path / "tiny.MRK"
+    tiny.write_text(text.replace("0.02, 0.02, 0.03", "0.00002, 0.00002, 0.00003"))
+    control = replace(block.aerial_control, file=tiny)
+    with pytest.raises(InputError, match=r"positions to 0\.024 mm, .* another unit"):
+        adjust(replace(block, aerial_control=control), write=False)
     control = replace(block.aerial_control, file=bare)
     with pytest.raises(InputError, match=r"no standard deviations .*--position-sigma"):
         adjust(replace(block, aerial_control=control), write=False)
