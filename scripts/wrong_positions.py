@@ -10,6 +10,8 @@ gross are planted alone in copies of the files. A run is
     covered          calm, and every pose is within 4 of its sigmas or within 2 cm
     told             refused, or told, in general words or with another cause
     blamed           the same, and a lever arm or a datum is blamed that was not planted
+    disclosed        as silent, but a remark (right blocks have it, too) gives the size that would
+                     go unnoticed
     silent           calm, and a pose is off by more than both
     wrongly          harmless, and told
     traceback        ended by what is no error of the package
@@ -72,8 +74,8 @@ gauss_markov = plugged("published_blocks.pose_errors").gauss_markov
 
 ORIGIN = (np.radians(46.57), np.radians(6.54), 450.0)
 WEEK, FIRST_TOW, CRS, GEOID_M = 2300, 200000.0, "EPSG:32632", 48.3
-VERDICTS = ("culprit", "covered", "told", "blamed", "silent", "wrongly", "traceback")
-BAD = VERDICTS[3:]
+VERDICTS = ("culprit", "covered", "told", "disclosed", "blamed", "silent", "wrongly", "traceback")
+BAD = VERDICTS[4:]
 NEED_M, WORST_Z = 0.02, 4.0
 CORRELATION_S = 300.0
 CAMERA = BrownCamera(
@@ -251,6 +253,7 @@ def block_of(kind: str, seed: int, correlated: float = 0.0, control: int = 5) ->
     )
     if correlated:
         block.options = ["--shift-sigma", *(f"{x:.4f}" for x in s * np.sqrt(correlated))]
+        block.options += ["--shift-correlation", f"{CORRELATION_S:g}"]
     return block
 
 
@@ -450,7 +453,6 @@ def two_exchanged(block: Block, size: float, draw: np.random.Generator) -> None:
     block.ground[a], block.ground[b] = block.ground[b], block.ground[a]
 
 
-LINE = r"line from|DJI_00(2\d|3\d)|lines?"
 CASES = (
     Case("nothing", lambda b, s, d: None, "(?!)", harmless=(1.0,)),
     Case(
@@ -462,26 +464,46 @@ CASES = (
         (0.01,),
         True,
     ),
-    Case("one missed photograph in a line", missed_in_line, r"DJI_00(2|3)\d|line from", (1.0, 2.0)),
-    Case("one missed photograph, to the end", missed_from, r"DJI_\d\d\d\d", (1.0, 2.0)),
+    Case(
+        "one missed photograph in a line",
+        missed_in_line,
+        r"had the position of the image",
+        (1.0, 2.0),
+    ),
+    Case(
+        "one missed photograph, to the end",
+        missed_from,
+        r"had the position of the image",
+        (1.0, 2.0),
+    ),
     Case(
         "first attitudes of a line turned",
         turned_line,
-        r"DJI_00(2|3)\d",
+        r"turned by",
         (20.0, 90.0, 180.0),
         "deg",
     ),
-    Case("a line numbered from its end", reversed_line, r"DJI_00(2|3)\d|line from"),
+    Case("a line numbered from its end", reversed_line, r"reverse order"),
     Case(
-        "half of control without geoid", half_geoid, r"geoid|heights?|G\d\d", (0.3, 5.0, 48.3), "m"
+        "half of control without geoid",
+        half_geoid,
+        r"stand beside|control point G0[135]|left out: G0",
+        (0.3, 5.0, 48.3),
+        "m",
     ),
-    Case("two of five without geoid", half_geoid, r"geoid|heights?|G\d\d", (-0.3, -48.3), "m"),
+    Case(
+        "two of five without geoid",
+        half_geoid,
+        r"stand beside|control point G0[12]|left out: G0",
+        (-0.3, -48.3),
+        "m",
+    ),
     Case("all without geoid", all_geoid, r"geoid|shift|height", (0.3, 5.0, 48.3), "m", (), True),
     Case("camera constant off, held", camera_off(True), r"interior|camera", (0.05, 0.5, 2.0), "%"),
     Case("camera constant off", camera_off(False), r"(?!)", (2.0,), "%", (2.0,)),
     Case("images renamed", renamed, r"names?|numbers?|order", (0.0, 1.0, 5.0)),
     Case("numbers off", number_off, r"order of time|\d off|names?|numbers?", (1.0, 3.0)),
-    Case("rows in another order", shuffled, r"order|names"),
+    Case("rows in another order", shuffled, r"numbered|exchange their names|order of time"),
     Case("ground control in feet", ground_as(lambda X: X / 0.3048), r"feet"),
     Case("ground heights in feet", ground_as(lambda X: X / [1, 1, 0.3048]), r"feet"),
     Case("easting and northing exchanged", ground_as(lambda X: X[:, [1, 0, 2]]), r"exchanged"),
@@ -490,7 +512,7 @@ CASES = (
     Case(
         "sigmas of positions",
         sigmas_as,
-        r"sigma|standard deviation|unit|stated",
+        r"too small|better than stated|another unit",
         (1e-3, 0.1, 10.0, 1e3),
         "times",
     ),
@@ -556,12 +578,12 @@ def judged(block: Block, case: Case, size: float, kind: str) -> Run:
             verdict = "wrongly" if not calm else "covered" if covered else "silent"
         elif calm:
             named = bool(case.culprit and re.search(case.culprit, message))
-            verdict = "culprit" if named else "covered" if covered else "silent"
+            verdict = "covered" if covered else "disclosed" if named else "silent"
         elif re.search(case.culprit, message):
             verdict = "culprit"
         else:
             verdict = "told"
-        if not calm and not case.blames and re.search(BLAME, message):
+        if verdict == "told" and not case.blames and re.search(BLAME, message):
             verdict = "blamed"
         return Run(name, kind, verdict, code, message, worst, z, taken)
 
@@ -603,8 +625,9 @@ def good(job: tuple[str, int, float]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as temporary:
         directory = Path(temporary)
         words = written(block, directory)
-        shifts = words[words.index("--shift-sigma") + 1 :] if correlated else []
+        shifts = words[words.index("--shift-sigma") + 1 :][:3] if correlated else []
         shift = f"shift_sigma_m = [{', '.join(shifts)}]" if correlated else ""
+        shift += f"\nshift_correlation_s = {CORRELATION_S}" if correlated else ""
         (directory / "block.toml").write_text(
             '[images]\nfile = "image_points.csv"\n[camera]\nfile = "camera.toml"\n'
             '[aerial_control]\nfile = "Timestamp.MRK"\ninitial = "EO.txt"\n'

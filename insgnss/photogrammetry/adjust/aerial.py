@@ -29,7 +29,7 @@ the right Jacobian of the rotation group, the rest (its sign changed) is
 where the corrections are those of C (psi on its left), E (beta on its left), d and c.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -330,6 +330,87 @@ class ParameterObservation:
             return self.value - current, np.eye(self.value.size)
         psi = vector_from_rotation(self.value @ current.T)
         return psi, inverse_right_jacobian(psi)
+
+
+@dataclass(frozen=True, eq=False)
+class CorrelatedShifts:
+    """Shifts of flight lines that a slow error of the fixes, a Gauss-Markov process, makes alike.
+
+    Parameters
+    ----------
+    keys : tuple of Key
+        (L,) the shifts.
+    cov : ndarray, (3 L, 3 L)
+        Their covariance, m^2.
+    name : str
+        Name of the variance component.
+    """
+
+    keys: tuple[Key, ...]
+    cov: Array
+    name: str = "mounting"
+
+    @property
+    def weight(self) -> Array:
+        """Inverse of the covariance, (3 L, 3 L)."""
+        return np.asarray(np.linalg.inv(self.cov))
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (3 L,)
+            Observed - computed.
+        J : ndarray, (3 L, 3 L)
+            d computed / d unknown.
+        """
+        e = -np.concatenate([values.blocks[key] for key in self.keys])
+        return e, np.eye(e.size)
+
+
+def slow_errors(
+    time: Sequence[Array], sigma_m: Array, correlation_s: float
+) -> tuple[Array, list[Array]]:
+    """Return what a Gauss-Markov error of the fixes does to flight lines.
+
+    Its value x_c in the middle of a line, at t_c, is the line's shift. With r_ab = exp(-|t_a - t_b|
+    / T) the shifts have the covariance s^2 r_cd of two lines, and within a line s^2 (r_ij - r_ic
+    r_cj) is left, which the middle does not tell. The shift counts as a whole at all images of a
+    line, by 1 - r_ic too much: 4 % at the ends of a line of 24 s where T is 300 s.
+
+    Parameters
+    ----------
+    time : sequence of ndarray
+        Stamps of the images of each line, s.
+    sigma_m : ndarray, (3,)
+        s.
+    correlation_s : float
+        T.
+
+    Returns
+    -------
+    shifts : ndarray, (3 L, 3 L)
+        Covariance of the shifts, m^2.
+    within : list of ndarray, (3 n, 3 n)
+        Of each line, what is left of its n positions, m^2.
+    """
+
+    def r(a: Array, b: Array) -> Array:
+        return np.asarray(np.exp(-np.abs(a[:, None] - b[None]) / correlation_s))
+
+    middle = np.array([stamps.mean() for stamps in time])
+    axes = np.diag(np.square(sigma_m))
+    within = []
+    for k, stamps in enumerate(time):
+        to_middle = r(stamps, middle[k : k + 1])
+        within.append(np.kron(r(stamps, stamps) - to_middle @ to_middle.T, axes))
+    return np.kron(r(middle, middle), axes), within
 
 
 def chained_covariance(eo: ExteriorOrientation) -> Array:

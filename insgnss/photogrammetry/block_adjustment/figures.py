@@ -71,6 +71,9 @@ def figures_of(solved: AdjustedBlock) -> dict[str, Any]:
         "check_points_together": {
             "normalised_square": checks.normalised_square,
             "degrees_of_freedom": int(checks.difference_m.size),
+            "contradicts_alone": None
+            if (alone := checks.contradicts_alone) is None
+            else block.points[block.check.point[checks.rows[alone]]],
         }
         | _statistics(checks),
         "images": _images(solved),

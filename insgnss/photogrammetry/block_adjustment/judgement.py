@@ -24,7 +24,7 @@ from .aerial.relative import WEAK_DATUM
 from .parameters import SIGNIFICANT_SIGMAS, determined
 from .residuals.pattern import Pattern, patterns, repeating
 from .solve import GROUND_CONTROL, AdjustedBlock
-from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials
+from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials, unnoticed
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
 # of chi-square, either side: one component in a thousand lies outside by chance
@@ -38,6 +38,7 @@ TOO_LARGE = 5.0
 """Times its standard deviations of a contradiction, or of a projection centre that its cause moves,
 beyond which no orientation is written."""
 CHECK_POINTS = "check points"
+ALONE = 0.95  # rank of one check point that contradicts alone
 HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
@@ -121,6 +122,7 @@ def judged(
         ]
     else:
         beyond += _hidden(trials_made)
+        beyond += unnoticed(solved, trials_made, HIDDEN)
     findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
     findings += _weakly_held(figures)
     findings += [] if solved.inputs.unchecked is None else [solved.inputs.unchecked]
@@ -262,15 +264,21 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Finding]:
     if mean > max(high, WORSE_FACTOR**2):
         worst = max(
             (c for c in figures["check_points"] if "difference_m" in c),
-            key=lambda c: c["normalised_square"],
+            key=lambda c: (c["point"] == together["contradicts_alone"], c["normalised_square"]),
         )
-        yield ranked(
-            CHECK_POINTS,
-            float(np.sqrt(mean)),
-            f"check points lie {np.sqrt(mean):.1f} times as far off as their covariance allows,"
-            f" {worst['point']} by {lengths([1e3 * x for x in worst['difference_m']])}"
-            " (east, north, up)",
-        )
+        difference = f"{lengths([1e3 * x for x in worst['difference_m']])} (east, north, up)"
+        if together["contradicts_alone"]:  # it takes no part, so that no image depends on it
+            yield ranked(
+                CHECK_POINTS,
+                ALONE,
+                f"check point {worst['point']} lies {difference} from where its {worst['images']}"
+                " images see it, the other check points fit; no image depends on it",
+                "check its coordinates, and that the images show the surveyed place",
+            )
+            return
+        times = float(np.sqrt(mean))
+        sentence = f"check points lie {times:.1f} times as far off as their covariance allows"
+        yield ranked(CHECK_POINTS, times, f"{sentence}, {worst['point']} by {difference}")
 
 
 def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:

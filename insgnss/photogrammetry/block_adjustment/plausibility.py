@@ -16,6 +16,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...base.units import FOOT_M
+from ...base.wording import some
 from ...geodesy.conventions import Convention, exchanged, lengths, reversed_signs
 from ...geodesy.explain import EXPLAINS, Candidate, explain
 from ...geodesy.rotation import rotation_from_vector
@@ -272,8 +273,9 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
     offset = stated - X
     middle = np.median(offset, axis=0)
     size = median_length(offset)
+    _refuse_exchanged(names, stated, X, limit)
+    _refuse_some_alike(names, offset, limit)
     if size <= limit:
-        _refuse_exchanged(names, stated, X, limit)
         return
     start = (
         f"ground points do not fit aerial control and images: {names[0]} lies"
@@ -351,6 +353,31 @@ def _cause_of_shift(shift_m: Array, cameras_m: Array, limit_m: float) -> str:
         return "the base had coordinates of another datum, or ground.crs is another"
     what = "heights" if of_height else "coordinates"
     return f"a constant was subtracted from the {what} of the points, or of the base: add it"
+
+
+def _refuse_some_alike(names: list[str], offset: Array, limit: float) -> None:
+    """Refuse ground points some of which lie elsewhere, all of these alike, and the others fit."""
+    far = np.linalg.norm(offset, axis=1) > limit
+    if not far.any():
+        return
+    common = np.median(offset[far], axis=0)
+    to_zero, to_common = (np.linalg.norm(offset - x, axis=1) for x in (0.0, common))
+    bad = np.flatnonzero(to_common < to_zero)
+    nearest = np.minimum(to_zero, to_common).max()
+    if not 1 < bad.size < len(names) or nearest > min(limit, np.linalg.norm(common) / 3.0):
+        return
+    vertical = abs(common[2]) > 3.0 * np.linalg.norm(common[:2])
+    raise DataError(
+        f"{bad.size} of {len(names)} ground points ({some([names[k] for k in bad])}) lie"
+        f" {', '.join(f'{x:+.1f}' for x in common)} m (east, north, up) from where images see them,"
+        " all alike, and the others fit: "
+        + (
+            "heights above sea level (geoid) stand beside heights above the ellipsoid; bring all"
+            " to one of them"
+            if vertical
+            else "they are of another datum or CRS; bring all to one of them"
+        )
+    )
 
 
 def _refuse_exchanged(names: list[str], stated: Array, X: Array, limit: float) -> None:

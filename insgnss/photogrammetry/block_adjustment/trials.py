@@ -3,20 +3,20 @@
 A group whose component lies beyond its bounds says that something is wrong and not what. The block
 is adjusted once more with each unknown that the block file leaves out: a delay of the exposures, a
 lever arm, a bore-sight, a shift between ground and aerial control (another CRS, geoid or datum),
-a readout time of a rolling shutter,
-of a vehicle a delay of its clock, the lever arm of its target, a shift, and the interior
-orientation. An unknown explains the contradiction where the cost falls by more than
-chance (99.99 % of chi-square) and by a third at least of what is too much. A block without
-contradiction is tried as well: bore-sight and camera constant take most of a lever arm that is
-20 cm wrong, and no component shows it, where the cost falls by a hundred.
+a readout time of a rolling shutter, of a vehicle a delay of its clock, the lever arm of its target,
+a shift, and the interior orientation. An unknown explains the contradiction where the cost falls
+by more than chance (99.99 % of chi-square) and by a third at least of what is too much. Where all
+rays of a ground point were rejected they take part in each trial. A block that agrees is tried as
+well: bore-sight and camera constant hide most of a lever arm that is 20 cm wrong.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.findings import Finding, ranked
 from ...flight.config.block_file import BlockFile
 from ...records.block import INTERIOR, Array, ImageBlock
 from ...report.rules.wording import screen_unit
@@ -48,6 +48,8 @@ CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas t
 FEWEST_LINES, FEWEST_OF_LINE = 3, 3  # of two lines none is the wrong one; two images are no line
 ALMOST_ALL = 0.8  # of what is too much in check points
 LEAST_SIGMA_M = 1e-4  # of a projection centre: of held ones no share of zero is taken
+COVERED_SIGMAS = 4.0  # of a projection centre, within which an error is covered by them
+AXES = ("x axis", "y axis", "viewing direction")
 DRIVING_MPS = 0.1  # of a vehicle (median) whose clock its places show (chosen)
 CHECK_SHIFT = "shift of check points"
 OTHER_DATUM = "check CRS, heights (geoid or ellipsoid) and antenna of the base"
@@ -314,6 +316,31 @@ def shift_of_check_points(solved: AdjustedBlock) -> Trial | None:
     return Trial(CHECK_SHIFT, gain, value, np.sqrt(np.diagonal(cov)), "m", explains, OTHER_DATUM)
 
 
+def unnoticed(
+    solved: AdjustedBlock, trials_made: Sequence[Trial], chance: float
+) -> Iterator[Finding]:
+    """Say how large a lever-arm error the block would not show; nothing where poses cover it.
+
+    Of nadir images at one height the camera constant takes the part along the viewing direction.
+    """
+    from scipy.stats import chi2
+
+    arm = next((one for one in trials_made if one.name == "lever arm"), None)
+    if arm is None or not solved.inputs.file.aerial_control.positions_alone:
+        return
+    limit, axis = float(chi2.isf(chance, arm.unknowns)), int(np.argmax(arm.sigma))
+    size = np.sqrt(limit) * arm.sigma
+    variance = np.median(np.diagonal(solved.precision.pose_cov, axis1=1, axis2=2), axis=0)[:3]
+    if arm.gain <= limit and size[axis] > COVERED_SIGMAS * np.sqrt(variance.max()):
+        yield ranked(
+            arm.name,
+            0.5,
+            f"an error of the lever arm (antenna height) of up to {1e3 * size[axis]:.0f} mm along"
+            f" the camera's {AXES[axis]} would go unnoticed and move all images by as much",
+            "measure it and state it by --lever-arm; oblique images or a second height reveal it",
+        )
+
+
 def converging(inputs: BlockInputs, progress: Callable[[str], None]) -> Trial | None:
     """Try what makes an adjustment converge that does not as the block file has it.
 
@@ -445,10 +472,7 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
         factors.pop(name, None)
     problem = with_factors(problem, factors)
     values = replace(result.values, blocks=blocks)
-    reconnects = (key == CONTROL_SHIFT or key in [one.key for one in VEHICLE_PARAMETERS]) and bool(
-        alone
-    )
-    if reconnects:  # rays that were rejected for the shift's sake take part again
+    if alone:  # rays that were rejected for its sake take part again
         again = without_outliers(problem, values).result
     else:
         again = adjusted(problem.with_active_of(result.problem), values)
@@ -456,7 +480,7 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
     gain = result.cost - again.cost
     value = _change(again, key, inputs.file, result.values.interior[0]) + began
     sigma = np.sqrt(np.diagonal(cov))
-    if reconnects:
+    if alone:
         gain = float(value @ np.linalg.solve(cov, value))
         excess = 0.0 if len(_without_rays(again.problem)) < GAIN_SHARE * len(alone) else np.inf
     return Trial(

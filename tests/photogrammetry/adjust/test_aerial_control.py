@@ -1,10 +1,13 @@
 """Poses of a trajectory as observations, with what stands between it and the camera."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from draws import lower_factor
+from numpy.testing import assert_allclose
+from scipy.linalg import block_diag
 from simulated_blocks import camera, simulated
 
 from insgnss.base.errors import InputError
@@ -19,8 +22,10 @@ from insgnss.photogrammetry.adjust.aerial import (
     LINE_DRIFT,
     SHIFT,
     AerialControl,
+    CorrelatedShifts,
     ParameterObservation,
     chained_covariance,
+    slow_errors,
 )
 from insgnss.photogrammetry.adjust.groups import weight_of
 from insgnss.photogrammetry.adjust.normals import problem_of
@@ -303,3 +308,37 @@ def test_covariance_of_a_chain() -> None:
     assert chained_covariance(eo) == pytest.approx(whole, rel=1e-12, abs=1e-20)
     with pytest.raises(InputError, match="covariance between neighbours is not known"):
         chained_covariance(replace(eo, cross=None))
+
+
+def test_slow_errors_of_lines_are_those_of_the_whole_process() -> None:
+    """Oracle: the covariance of a Gauss-Markov process at all stamps. Exact within a line; of two
+    lines r_ic r_cd r_dj stands for r_ij, too small by the way from i and j to their middles and
+    back, D together: by 1 - exp(-2 D / T) of the variance at most."""
+    time = [100.0 + np.arange(0.0, 24.0, 2.0), 150.0 + np.arange(0.0, 24.0, 2.0)]
+    sigma, T = np.array([0.02, 0.02, 0.03]), 300.0
+    shifts, within = slow_errors(time, sigma, T)
+    whole = np.concatenate(time)
+    exact = np.kron(np.exp(-np.abs(whole[:, None] - whole) / T), np.diag(sigma**2))
+    middle = np.repeat([t.mean() for t in time], 12)
+    of_line = np.repeat(np.eye(2), 12, axis=0)
+    H = np.kron(of_line * np.exp(-np.abs(whole - middle) / T)[:, None], np.eye(3))
+    assembled = H @ shifts @ H.T + block_diag(*within)
+    for k in range(2):
+        rows = np.s_[36 * k : 36 * k + 36]
+        assert_allclose(assembled[rows, rows], exact[rows, rows], atol=1e-15)
+    most = 1.0 - np.exp(-2.0 * (11.0 + 11.0) / T)
+    assert np.abs(assembled - exact).max() < most * sigma[2] ** 2
+
+
+def test_correlated_shifts_are_estimated_as_generalised_least_squares_has_them() -> None:
+    """Oracle: the normal equations with the dense covariance, of shifts observed once each."""
+    shifts, _ = slow_errors([np.array([0.0]), np.array([50.0])], np.full(3, 0.02), 300.0)
+    keys = ((SHIFT, 0), (SHIFT, 1))
+    group = CorrelatedShifts(keys, shifts)
+    value = {keys[0]: np.array([0.01, 0.0, 0.02]), keys[1]: np.zeros(3)}
+    e, J = group.linearised(SimpleNamespace(blocks=value))
+    assert_allclose(e, -np.r_[value[keys[0]], 0.0, 0.0, 0.0])
+    R = 1e-4 * np.eye(6)
+    z = np.r_[0.03, 0.0, 0.0, 0.0, 0.01, 0.0]
+    x = np.linalg.solve(J.T @ group.weight @ J + np.linalg.inv(R), np.linalg.solve(R, z))
+    assert_allclose(x, shifts @ np.linalg.solve(shifts + R, z), rtol=1e-10)

@@ -125,6 +125,7 @@ def test_a_drone_without_imu_is_adjusted_by_one_command(flown, without_imu, tmp_
     text = capsys.readouterr().out
     assert "no observation group contradicts another" in text
     assert "attitudes are estimated from the image observations" in " ".join(text.split())
+    assert re.search(r"lever arm .* of up to \d+ mm along the camera's viewing direction", text)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         *("EO_local-plane.txt", "adjust.html", "adjust.json", "camera.toml", "eo.json"),
         *("camera_metashape.xml", "poses.csv"),
@@ -168,6 +169,11 @@ def test_what_positions_alone_lack_is_asked_for(flown, without_imu, tmp_path, mo
     bare = tmp_path / "bare.MRK"
     text = (directory / "Timestamp.MRK").read_text()
     bare.write_text(text.replace("\t0.02, 0.02, 0.03", ""))
+    tiny = tmp_path / "tiny.MRK"
+    tiny.write_text(text.replace("0.02, 0.02, 0.03", "0.00002, 0.00002, 0.00003"))
+    control = replace(block.aerial_control, file=tiny)
+    with pytest.raises(InputError, match=r"positions to 0\.024 mm, .* another unit"):
+        adjust(replace(block, aerial_control=control), write=False)
     control = replace(block.aerial_control, file=bare)
     with pytest.raises(InputError, match=r"no standard deviations .*--position-sigma"):
         adjust(replace(block, aerial_control=control), write=False)

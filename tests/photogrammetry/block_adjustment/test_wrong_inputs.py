@@ -199,6 +199,10 @@ CASES = {
         lambda i: with_ground(i, lambda X: X - [0.0, 0.0, 50.0]),
         r"all of them alike, by [+-]0.\d, [+-]0.\d, -50.0 m; heights above .* \(geoid\)",
     ),
+    "every second without geoid": (
+        lambda i: with_ground(i, lambda X: X - [[0.0, 0.0, 48.0 * (k % 2)] for k in range(len(X))]),
+        r"\d of 15 ground points \(G02, G04, .*\) lie [+-]0.\d, [+-]0.\d, -4[78].\d m .*geoid",
+    ),
     "ground points of another place": (
         lambda i: with_ground(i, lambda X: X[::-1] * [1.7, -0.6, 1.0]),
         "check ground.crs and the names",
@@ -313,6 +317,24 @@ def test_one_image_is_named(right) -> None:
     name = right.block.images[7]
     with pytest.raises(DataError, match=rf'observations of {name} do .* images.skip = \["{name}"'):
         refuse_implausible(with_pixels(right, lambda *_: uv))
+
+
+@pytest.mark.parametrize("height_m", [6.0, 8.0])
+def test_ground_points_that_are_all_off_are_not_called_some(height_m, right) -> None:
+    """Oracle: the test shifts all of them by little more than the distance that is asked about."""
+    with pytest.raises(DataError, match="and all of them alike"):
+        refuse_implausible(with_ground(right, lambda X: X - [0.0, 0.0, height_m]))
+
+
+@pytest.mark.parametrize(
+    ("off_m", "alone"), [((0.0, 0.0, 0.0), None), ((0.4, 0.0, 0.0), 1), ((0.4, 0.4, 0.0), None)]
+)
+def test_one_check_point_contradicts_alone(off_m, alone) -> None:
+    """Oracle: how far the test puts each of three check points whose sigmas are 2 cm."""
+    d = np.array([[0.01, -0.01, 0.02], [0.0, 0.01, -0.01], [0.01, 0.0, 0.01]])
+    d[[1, 2, 0], 0] += off_m
+    checks = CheckPoints(np.arange(3), d, 4e-4 * np.eye(9), np.zeros((3, 3, 3)))
+    assert checks.contradicts_alone == alone
 
 
 def test_two_ground_points_are_named(right) -> None:

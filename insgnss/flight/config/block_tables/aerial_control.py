@@ -148,6 +148,15 @@ class AerialControlTable(Checked, table="aerial_control"):
         usual="none",
         cli="--shift-sigma",
     )
+    shift_correlation_s: float = option(
+        0.0,
+        "correlation time of these shifts, which a slow error of the fixes makes alike in"
+        " neighbouring lines, such as 300 of RTK; 0: each line errs by itself",
+        unit="s",
+        low=0.0,
+        high=1e5,
+        cli="--shift-correlation",
+    )
     drift_sigma_mps: Triple | None = sigmas(
         "standard deviations of a drift of each flight line, which is estimated",
         unit="m/s",
@@ -165,6 +174,12 @@ class AerialControlTable(Checked, table="aerial_control"):
                     ' "IMG_0010 Rp/Ra"',
                 )
 
+        if self.shift_correlation_s and self.shift_sigma_m is None:
+            raise OptionError(
+                "aerial_control.shift_correlation_s",
+                "has no meaning without the standard deviations of the shifts; give"
+                " aerial_control.shift_sigma_m (--shift-sigma)",
+            )
         relative = {"Ap/Ra", "Rp/Ra", "Rp"} & {self.control, *self.of_lines.values()}
         if self.relative_weights != "smoothed" and not relative:
             raise OptionError(

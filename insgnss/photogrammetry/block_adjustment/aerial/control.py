@@ -28,8 +28,10 @@ from ...adjust.aerial import (
     COMMON_OF_TRAJECTORY,
     LINE_DRIFT,
     SHIFT,
+    CorrelatedShifts,
     ParameterObservation,
     chained_covariance,
+    slow_errors,
 )
 from ...adjust.groups import ObservationGroup
 from ...adjust.unknowns import Key
@@ -102,7 +104,9 @@ def control_of(inputs: BlockInputs, whole: Sequence[tuple[Rows, Array]] | None =
     blocks: dict[Key, Array] = {one.key: one.value for one in shared}
     groups: list[ObservationGroup] = [*shared]
     lines: list[Rows] = []
+    stamps: list[Array] = []
     controls: list[str] = []
+    slow = options.shift_sigma_m is not None and options.shift_correlation_s > 0.0
     for piece, cov_of_piece in pieces:
         control = _control_of_line(piece, other_lines, eo, options)
         in_block = np.flatnonzero(image_of[piece] >= 0)
@@ -128,15 +132,30 @@ def control_of(inputs: BlockInputs, whole: Sequence[tuple[Rows, Array]] | None =
                 key = (name, len(lines))
                 parameters[name] = key[1]
                 blocks[key] = np.zeros(3)
-                groups.append(prior(key, np.zeros(3), np.array(sigma)))
+                if not (slow and name == SHIFT):
+                    groups.append(prior(key, np.zeros(3), np.array(sigma)))
+        if slow:
+            _, (within,) = slow_errors([eo.time[rows]], *_slow(options))
+            positions = (6 * np.arange(rows.size)[:, None] + np.arange(3)).ravel()
+            cov = cov.copy()
+            cov[np.ix_(positions, positions)] += within
         strip = StripErrors(rows, image_of[rows], cov, factor, parameters)
         if control in RELATIVE:
             groups += relative_groups(strip, control, eo, motion, line, options)
         else:
             groups.append(absolute_group(strip, control, eo, motion, options))
         lines.append(image_of[rows])
+        stamps.append(eo.time[rows])
         controls.append(control)
+    if slow and lines:
+        shifts, _ = slow_errors(stamps, *_slow(options))
+        groups.append(CorrelatedShifts(tuple((SHIFT, k) for k in range(len(lines))), shifts))
     return Control(tuple(groups), blocks, tuple(lines), kind, tuple(controls))
+
+
+def _slow(options: AerialControlTable) -> tuple[Array, float]:
+    """Return sigmas and correlation time of the slow error of the fixes."""
+    return np.array(options.shift_sigma_m), options.shift_correlation_s
 
 
 def processed_with(inputs: BlockInputs) -> Mapping[str, Any] | None:

@@ -40,6 +40,7 @@ from .first_poses import (
 )
 
 Rows = NDArray[np.int64]
+LEAST_SIGMA_M = 1e-4  # of positions in a file: no GNSS knows them better, another unit says it
 FIRST_VALUE_DEG = 0.4  # standard deviation (chosen) of attitudes that are first values
 
 
@@ -159,6 +160,13 @@ def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array
             "has no standard deviations of the positions, so that their weights are unknown;"
             " give aerial_control.sigma_m (--position-sigma), such as 0.02 0.02 0.03 where"
             " fixed",
+        )
+    sigma_m = float(np.sqrt(np.median(np.trace(cov, axis1=1, axis2=2)) / 3.0))
+    if sigma_m < LEAST_SIGMA_M:
+        raise InputError.in_file(
+            poses.source,
+            f"states its positions to {1e3 * sigma_m:.2g} mm, which no GNSS reaches: look for"
+            " another unit (km for m), or give aerial_control.sigma_m (--position-sigma)",
         )
     return cov
 

@@ -21,6 +21,8 @@ from ...adjust.normals import cofactors_of, problem_of
 from ...adjust.unknowns import POINT
 from ..solve import AdjustedBlock
 
+FITS = 5e-4  # chance that right check points are judged as contradicting
+
 
 @dataclass(frozen=True, eq=False)
 class CheckPoints:
@@ -56,6 +58,21 @@ class CheckPoints:
         """q of (C.1)."""
         d = self.difference_m.ravel()
         return float(d @ np.linalg.solve(self.cov_of_differences, d)) if d.size else 0.0
+
+    @property
+    def contradicts_alone(self) -> int | None:
+        """Row of the one check point without which the others fit; None where there is none."""
+        from scipy.stats import chi2
+
+        n, C, d = len(self.rows), self.cov_of_differences, self.difference_m.ravel()
+        if n < 2 or self.normalised_square <= chi2.isf(FITS, d.size):
+            return None
+        squares = []
+        for k in range(n):
+            keep = np.delete(np.arange(d.size), np.s_[3 * k : 3 * k + 3])
+            squares.append(float(d[keep] @ np.linalg.solve(C[np.ix_(keep, keep)], d[keep])))
+        worst = int(np.argmin(squares))
+        return worst if squares[worst] <= chi2.isf(FITS, d.size - 3) else None
 
     def shift(self) -> tuple[Array, Array]:
         """Return the shift of all check points (3,), m, by least squares, and its covariance."""
