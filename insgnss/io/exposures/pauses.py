@@ -61,11 +61,11 @@ def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.
     ]
     if spread > MOST_UNEVEN or not 0 < len(steps) <= MOST_STEPS:
         return ask.ok(f"intervals even to {spread:.1%}")
-    rows, ratio, position = steps[0]
-    k, usual_s = int(rows[position]), float(np.median(step[rows]))
+    rows, ratio, index = steps[0]
+    k, usual_s = int(rows[index]), float(np.median(step[rows]))
     finding = (
         f"{step[k]:.2f} s pass between images {events.images[k]} and {events.images[k + 1]} on a"
-        f" straight line, {ratio[position]:.2f} times the usual interval of {usual_s:.2f} s, and"
+        f" straight line, {ratio[index]:.2f} times the usual interval of {usual_s:.2f} s, and"
         f" missed images leave a multiple; if the clock was set there, the stamps before lack"
         f" {step[k] - usual_s:+.2f} s"
     )

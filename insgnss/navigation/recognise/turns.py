@@ -295,9 +295,9 @@ def check_turns(
         ratio, lag, best, here, imu, dt, max(REPORTED_LAG_S, spacing)
     )
     if abs(best) < LAG_CORRELATION or (of_clock and verdict == "contradiction"):
-        found, of_rate = _judge_rate(time, turns, grid, course_rate, moving, best)
-        if found:
-            return ask.contradiction(f"{finding}; {found}", of_rate)
+        evidence, of_rate = _judge_rate(time, turns, grid, course_rate, moving, best)
+        if evidence:
+            return ask.contradiction(f"{finding}; {evidence}", of_rate)
     if not remedy:
         return ask.answer(finding, verdict)
     forces = forces or _forces(imu, gnss)
@@ -395,8 +395,8 @@ def _judge_rate(
         return float(value[k]), a, cell * float(lags[k])
 
     step = RATE_STEP_S / (grid[-1] - grid[0])
-    tried = max(map(likeness, 1.0 + np.arange(-MOST_RATE, MOST_RATE, step)))
-    like, a, lag = max(map(likeness, tried[1] + step * np.linspace(-1.0, 1.0, 21)))
+    coarse = max(map(likeness, 1.0 + np.arange(-MOST_RATE, MOST_RATE, step)))
+    like, a, lag = max(map(likeness, coarse[1] + step * np.linspace(-1.0, 1.0, 21)))
     better = like > LAG_CORRELATION and 1.0 - like**2 < RATE_GAIN * (1.0 - best**2)
     if not better or abs(a - 1.0) < 2.0 * step:
         return "", ""

@@ -340,9 +340,9 @@ def _cause_of_shift(shift_m: Array, cameras_m: Array, limit_m: float) -> str:
         Distance up to which points fit.
     """
     along, up = float(np.linalg.norm(shift_m[:2])), abs(float(shift_m[2]))
-    of_height, flown_m = up > 3.0 * along, float(np.median(cameras_m[:, 2]))
+    of_height, camera_m = up > 3.0 * along, float(np.median(cameras_m[:, 2]))
     for unit, factor in (OTHER_HEIGHTS | {"metres with the other sign": -1.0}).items():
-        if of_height and abs(shift_m[2] - (factor - 1.0) * flown_m) < max(limit_m, 0.01 * up):
+        if of_height and abs(shift_m[2] - (factor - 1.0) * camera_m) < max(limit_m, 0.01 * up):
             return f"the heights of the aerial control are in {unit}"
     if of_height and up < LARGEST_GEOID_M:
         return (
@@ -351,8 +351,8 @@ def _cause_of_shift(shift_m: Array, cameras_m: Array, limit_m: float) -> str:
         )
     if not of_height and along < LARGEST_DATUM_M:
         return "the base had coordinates of another datum, or ground.crs is another"
-    what = "heights" if of_height else "coordinates"
-    return f"a constant was subtracted from the {what} of the points, or of the base: add it"
+    quantity = "heights" if of_height else "coordinates"
+    return f"a constant was subtracted from the {quantity} of the points, or of the base: add it"
 
 
 def _refuse_some_alike(names: list[str], offset: Array, limit: float) -> None:
