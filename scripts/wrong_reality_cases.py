@@ -204,6 +204,118 @@ def tracked(natural_hz: float) -> Plant:
     return plant
 
 
+def smoothed(natural_hz: float, damping: float = 0.7, follows_velocity: bool = True) -> Plant:
+    """A receiver's tracking loop of second order, solved over the exact motion.
+
+    One that does not follow velocities is a low pass, late by 2 damping / (2 pi Hz), of which the
+    engine knows, so that its stamps are right.
+    """
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        wn, dt = 2.0 * np.pi * natural_hz, 1e-3
+        lag = 2.0 * damping / wn
+        first, last = scene.truth.time[[0, -1]]
+        fixes = scene.gnss.time
+        time = np.arange(max(fixes[0] - 10.0, first), min(fixes[-1] + lag, last), dt)
+        v = scene.truth.at(time).velocity_ned
+        e, rate, behind = np.zeros(3), np.zeros(3), np.zeros_like(v)
+        for k in range(1, time.size):  # e'' = a - 2 d w e' - w^2 e; of a low pass a + 2 d w v
+            a = (v[k] - v[k - 1]) / dt
+            input_ = a if follows_velocity else a + 2.0 * damping * wn * v[k]
+            if k == 1 and not follows_velocity:
+                e = lag * v[0]
+            rate = rate + dt * (input_ - 2.0 * damping * wn * rate - wn**2 * e)
+            e = e + dt * rate
+            behind[k] = e
+        at = fixes if follows_velocity else fixes + lag
+        error = -np.stack([np.interp(at, time, column) for column in behind.T], axis=1)
+        if not follows_velocity:
+            way = np.cumsum(v, axis=0) * dt
+            moved_on = [np.interp(at, time, c) - np.interp(fixes, time, c) for c in way.T]
+            error += np.stack(moved_on, axis=1)
+        return moved(lambda since, _: error)(scene, draw)
+
+    return plant
+
+
+def of_path(error: Callable[[Callable[[np.ndarray], np.ndarray], np.ndarray], np.ndarray]) -> Plant:
+    """Fixes off by a function of the way flown (n, 3) at any time, and of their times."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        first, last = scene.truth.time[[0, -1]]
+        time = np.arange(first, last, 5e-3)
+        way = np.cumsum(scene.truth.at(time).velocity_ned, axis=0) * 5e-3
+
+        def path(at: np.ndarray) -> np.ndarray:
+            return np.stack([np.interp(at, time, column) for column in way.T], axis=1)
+
+        off = error(path, scene.gnss.time)
+        return moved(lambda since, _: off)(scene, draw)
+
+    return plant
+
+
+def extrapolating(ahead_s: float) -> Plant:
+    """A receiver that predicts its positions over this time, by velocity."""
+    h = 0.02
+
+    def error(path: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+        velocity = (path(at - ahead_s) - path(at - ahead_s - h)) / h
+        return path(at - ahead_s) + ahead_s * velocity - path(at)
+
+    return of_path(error)
+
+
+def averaging(fixes: int) -> Plant:
+    """Every fix is the mean of this odd number about it, its noise as it was."""
+
+    def error(path: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+        dt, half = float(np.median(np.diff(at))), fixes // 2
+        return sum(path(at + k * dt) for k in range(-half, half + 1)) / fixes - path(at)
+
+    return of_path(error)
+
+
+def late_by_speed(s_per_mps: float) -> Plant:
+    """Fixes are late in proportion to the speed."""
+
+    def error(path: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+        speed = np.linalg.norm(path(at + 0.05) - path(at - 0.05), axis=1) / 0.1
+        return path(at - s_per_mps * speed) - path(at)
+
+    return of_path(error)
+
+
+def sagging(m_per_g: float) -> Plant:
+    """The antenna goes down by this for every g of load beyond one (IMU on a gimbal)."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        true, time = scene.truth.at(scene.gnss.time), scene.imu.time
+        load = np.linalg.norm(scene.imu.accel, axis=1) / G - 1.0
+        mean = np.convolve(load, np.full(25, 0.04), "same")
+        down = m_per_g * np.interp(scene.gnss.time, time, mean)
+        off = true.C_nb[:, :, 2] * down[:, None]
+        return moved(lambda since, _: off)(scene, draw)
+
+    return plant
+
+
+def clock_of_fixes(ppm: float, first_s: float = 0.0, last_s: float = np.inf) -> Plant:
+    """The clock of the fixes runs fast, in the part of the flight between these seconds."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        begin, imu, gnss = scene.imu.time[0] + first_s, scene.imu, scene.gnss
+        end, events = begin + last_s - first_s, scene.events
+        if np.isfinite(last_s):
+            imu, gnss = (one[(one.time >= begin) & (one.time <= end)] for one in (imu, gnss))
+            if events is not None:
+                events = events[(events.time > begin + 1.0) & (events.time < end - 1.0)]
+        late = replace(gnss, time=gnss.time + 1e-6 * ppm * (gnss.time - begin))
+        return replace(scene, imu=imu, gnss=late, events=events)
+
+    return plant
+
+
 def dropped(samples: int, since_s: float) -> Plant:
     """Samples are lost at once, and the stamps count on without them."""
 
@@ -365,6 +477,27 @@ CASES = (
     ),
     *(Case(f"gyros {ms:g} ms late", late_gyro(1e-3 * ms), "gyros") for ms in (2.0, 5.0)),
     *(Case(f"receiver's loop of {hz:g} Hz", tracked(hz), "loop") for hz in (0.5, 1.0, 2.0, 4.0)),
+    *(
+        Case(f"receiver's low pass of {hz:g} Hz, latency known", smoothed(hz, 0.7, False), "loop")
+        for hz in (1.0, 2.0)
+    ),
+    *(
+        Case(f"receiver's second order loop of {hz:g} Hz", smoothed(hz), "loop")
+        for hz in (1.0, 2.0)
+    ),
+    *(Case(f"fixes extrapolated by {s:g} s", extrapolating(s), "loop|follow") for s in (0.1, 0.2)),
+    *(Case(f"fixes averaged over {n}", averaging(n), "loop|follow|smooth") for n in (3, 5, 9)),
+    Case("fixes late by 0.2 ms a m/s", late_by_speed(2e-4), OFFSET),
+    Case("fixes late by 1 ms a m/s", late_by_speed(1e-3), OFFSET),
+    *(Case(f"antenna sags by {m:g} m a g", sagging(m), "load|loop|follow") for m in (0.05, 0.2)),
+    *(
+        Case(f"clock of the fixes {ppm:+g} ppm", clock_of_fixes(ppm), f"{RATE}|{OFFSET}")
+        for ppm in (20.0, 50.0, -50.0, 100.0)
+    ),
+    *(
+        Case(f"clock of the fixes {ppm:+g} ppm, 84 s", clock_of_fixes(ppm, 120.0, 204.0), RATE)
+        for ppm in (20.0, 50.0, -50.0, 100.0)
+    ),
     *(Case(f"{n} samples lost", dropped(n, 150.0), "samples (were )?lost") for n in (4, 20)),
     Case("gyro white noise x 3", noisy(gyro=3.0), NOISE, True),
     Case("gyro white noise x 10", noisy(gyro=10.0), NOISE),

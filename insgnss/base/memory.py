@@ -9,7 +9,9 @@ from typing import Any
 
 GB = 1e9  # bytes
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
-UNLIMITED = 1 << 60  # bytes: what control groups of version 1 write for no limit is beyond it
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h numbers them
+KEPT_ARRAY = 32 << 20  # bytes; the most that glibc takes from its heap (HEAP_MAX_SIZE / 2)
+UNLIMITED = 1 << 60  # bytes; what version 1 of control groups writes for no limit is beyond it
 
 
 def available(proc: Path = Path("/proc"), groups: Path = CONTROL_GROUPS) -> int | None:
@@ -87,18 +89,29 @@ def out_of_memory(error: MemoryError) -> str:
 
 def give_back() -> None:
     """Return freed memory to the system, where the C library keeps it for itself (glibc)."""
-    trim = _trim()
+    trim = _of_glibc("malloc_trim")
     if trim is not None:
         trim(0)
 
 
+def keep_freed() -> None:
+    """Let the C library keep freed arrays of up to `KEPT_ARRAY` for the next ones (glibc).
+
+    Else it gives each back to the system, which clears a new one page by page.
+    """
+    option = _of_glibc("mallopt")
+    if option is not None:
+        option(M_MMAP_THRESHOLD, KEPT_ARRAY)
+        option(M_TRIM_THRESHOLD, 2 * KEPT_ARRAY)
+
+
 @cache
-def _trim() -> Any:
-    """Return glibc's malloc_trim, None elsewhere."""
+def _of_glibc(name: str) -> Any:
+    """Return a function of glibc, None elsewhere."""
     if not sys.platform.startswith("linux"):
         return None
     try:
-        return ctypes.CDLL(None).malloc_trim
+        return getattr(ctypes.CDLL(None), name)
     except (OSError, AttributeError):
         return None
 

@@ -28,7 +28,7 @@ from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import refuse_other_than_utf8
 from ..base.inputs import reading
 from ..base.interrupts import Terminated, ignore_endings, raise_on_termination
-from ..base.memory import out_of_memory
+from ..base.memory import keep_freed, out_of_memory
 from ..base.received.trusted import trusting, words_as_paths
 from .console import Parser, Progress, report_error
 
@@ -78,6 +78,7 @@ def run() -> NoReturn:
         "OPENBLAS_NUM_THREADS", "1"
     )  # the matrices are 30 x 30: more threads only spin
     raise_on_termination()
+    keep_freed()
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
     code = main(expanded(sys.argv[1:]) if os.name == "nt" else None)
     gc.freeze()  # nor is there anything to look for at the end

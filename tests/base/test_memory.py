@@ -1,11 +1,13 @@
 """How much memory a process may still take, from files as Linux writes them."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from insgnss.base import memory
-from insgnss.base.memory import available, give_back, kills
+from insgnss.base.memory import available, give_back, keep_freed, kills
 
 MEMINFO = "MemTotal: 16000000 kB\nMemAvailable: 8000000 kB\nSwapTotal: 1000 kB\nSwapFree: 500 kB\n"
 FREE = 8_000_500 * 1024
@@ -84,8 +86,25 @@ def test_the_limit_of_a_process_counts(
 def test_memory_is_given_back_or_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without glibc there is no such function."""
     give_back()
-    monkeypatch.setattr(memory, "_trim", lambda: None)
+    monkeypatch.setattr(memory, "_of_glibc", lambda name: None)
     give_back()
+    keep_freed()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc")
+def test_freed_arrays_are_taken_again() -> None:
+    """Oracle: the pages that the kernel clears for arrays that are freed and made again."""
+    faults = []
+    for setting in ("pass", "keep_freed()"):
+        code = (
+            "import resource; from insgnss.base.memory import keep_freed;"
+            f" {setting}; count = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_minflt;"
+            " make = lambda: [b'x' * (k + (16 << 20)) for k in range(3)] and None; make();"
+            " first = count(); [make() for _ in range(5)]; print(count() - first)"
+        )
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+        faults.append(int(run.stdout))
+    assert faults[1] < 0.1 * faults[0]
 
 
 def test_what_the_kernel_ended_is_counted(system: tuple[Path, Path]) -> None:

@@ -13,7 +13,7 @@ import insgnss
 from insgnss.navigation.diagnosis.variances import SHARES, SLOW_S
 from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.cameras.mounting import boresight_from_angles
-from insgnss.records.states import MISALIGNMENTS, OF_LEVER_ARM, SCALE_FACTOR, TIME_OFFSET, State
+from insgnss.records.states import OF_LEVER_ARM, SCALE_FACTOR, TIME_OFFSET, State
 from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT, USUAL_SHARE
 from insgnss.report.sections import limits
 from insgnss.report.summary import run_summary
@@ -358,25 +358,6 @@ def test_sigmas_of_another_unit_are_asked_for_first(diagnostics) -> None:
     assert limits[1.0][0]["topic"] == "absolute position"
     assert limits[0.04][0]["text"].startswith("the GNSS positions scatter 0.04 times as much")
     assert limits[0.04][0]["text"].endswith("; are the sigmas in mm?")
-
-
-def test_what_open_misalignments_share_is_not_blamed_on_the_flight(diagnostics) -> None:
-    """Oracle: least squares of a common rotation of twelve axes, sigma 8 mrad each; 0.2 deg."""
-    rows = []
-    for _ in range(2):
-        for i, j in np.argwhere(~np.eye(3, dtype=bool)):
-            turn = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]])[i, j]
-            rows.append(turn * np.eye(3)[3 - i - j])
-    shared = np.degrees(np.sqrt(np.linalg.inv(np.array(rows).T @ rows / 0.008**2)[0, 0]))
-    sigma = diagnostics().smoothed_sigma.copy()
-    sigma[:, 6:] = np.radians([0.25, 0.25, 0.26])
-    states = tuple(Estimate(one, 0.001, 0.004, 0.008, None) for one in MISALIGNMENTS)
-    s = run(diagnostics(smoothed_sigma=sigma, states=states))
-    assert f"turns all images alike, by {shared:.2g} deg" in said(s, "tilt")["text"]
-    assert "heading" not in [limit["topic"] for limit in s["limits"]]
-    stated = run(diagnostics(smoothed_sigma=sigma, states=states[1:]))
-    assert "a level accelerometer's bias" in said(stated, "tilt")["text"]
-    assert said(stated, "heading")
 
 
 def test_weak_attitude_heights_and_gyros_are_said(diagnostics) -> None:

@@ -43,7 +43,8 @@ class FilterOptions(Checked, table="filter"):
     scale_factor : bool
         Whether scale factors of gyroscopes and accelerometers are states.
     misalignment : bool
-        Whether their misalignments are states.
+        Whether their misalignments are states: nine of twelve. The gyros' axes define those of the
+        body, and how they are turned in it counts as bore-sight.
     second_pass : str
         "auto", "on" or "off": linearise again about the smoothed flight.
     time_offset : bool
@@ -70,7 +71,11 @@ class FilterOptions(Checked, table="filter"):
     """
 
     scale_factor: bool = option(False, "scale-factor states of gyros and accelerometers")
-    misalignment: bool = option(False, "misalignment states")
+    misalignment: bool = option(
+        False,
+        "misalignment states, against the axes of the gyros; how those are turned in the body"
+        " counts as bore-sight",
+    )
     second_pass: Literal["auto", "on", "off"] = option(
         "auto", "relinearise about the smoothed flight"
     )

@@ -28,7 +28,7 @@ def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, A
     """
     parameters = {
         **inspect.signature(relative_control).parameters,
-        **inspect.signature(form.write).parameters,
+        **inspect.signature(form.function).parameters,
     }
     camera = texts.get("camera", "")
     if camera.lower().endswith(".toml") or ("camera" in form.needs and os.path.isfile(camera)):

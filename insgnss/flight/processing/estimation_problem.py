@@ -1,7 +1,7 @@
 """The estimation problem of a segment: its increments, measurements and error states."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,7 +28,14 @@ from ...navigation.prepare.clock import cut_fixes
 from ...navigation.prepare.increments import merge_marks
 from ...records import Array, GnssFixes
 from ...records.measurements import Measurement
-from ...records.states import LEVER_ARM, MISALIGNMENT, SCALE_FACTOR, TIME_OFFSET, State
+from ...records.states import (
+    LEVER_ARM,
+    MISALIGNMENT,
+    OF_GYROS,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 from ..config.flight_file import Flight
 from .recording import Recording
 
@@ -175,17 +182,15 @@ def layout_factory(
         else BarometerErrors(barometer.bias_sigma_m, barometer.bias_walk, barometer.scale_sigma)
     )
 
-    requested = [
-        replace(state, sensor=sensor)
-        for state, is_requested in (
-            (State(SCALE_FACTOR), options.scale_factor),
-            (State(MISALIGNMENT, unit="rad"), options.misalignment),
-        )
-        for sensor in ("gyro", "accel")
-        if is_requested
-    ]
+    requested: list[State] = []
+    if options.scale_factor:
+        requested += [State(SCALE_FACTOR, sensor=sensor) for sensor in ("gyro", "accel")]
+    if options.misalignment:
+        requested += [*OF_GYROS, State(MISALIGNMENT, unit="rad", sensor="accel")]
 
     def layout(errors: FixErrors, imu: ImuErrors = AS_STATED) -> StateLayout:
+        wide = imu.scale_factor is not None or imu.misalignment is not None
+        every = wide and not imu.constants
         return state_layout(
             imu.of(noise),
             options.scale_factor or imu.scale_factor is not None,
@@ -194,7 +199,7 @@ def layout_factory(
             of_barometer,
             imu.slow,
             measurements,
-            (*imu.constants, *requested) if imu.constants else (),
+            () if every else (*imu.constants, *requested),
         )
 
     return layout

@@ -61,11 +61,11 @@ def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.
     ]
     if spread > MOST_UNEVEN or not 0 < len(steps) <= MOST_STEPS:
         return ask.ok(f"intervals even to {spread:.1%}")
-    rows, ratio, place = steps[0]
-    k, usual_s = int(rows[place]), float(np.median(step[rows]))
+    rows, ratio, position = steps[0]
+    k, usual_s = int(rows[position]), float(np.median(step[rows]))
     finding = (
         f"{step[k]:.2f} s pass between images {events.images[k]} and {events.images[k + 1]} on a"
-        f" straight line, {ratio[place]:.2f} times the usual interval of {usual_s:.2f} s, and"
+        f" straight line, {ratio[position]:.2f} times the usual interval of {usual_s:.2f} s, and"
         f" missed images leave a multiple; if the clock was set there, the stamps before lack"
         f" {step[k] - usual_s:+.2f} s"
     )
@@ -86,9 +86,9 @@ def _is_step(ratio: Array, k: int, limit: float) -> bool:
 
     Late images among them are no sure sign of either.
     """
-    place = np.cumsum(np.concatenate([[0.0], ratio]))
-    before, after = place[max(k + 1 - EXPOSURES_BESIDE, 0) : k + 1], place[k + 1 :]
-    sides = before - place[k], after[:EXPOSURES_BESIDE] - place[k + 1]
+    position = np.cumsum(np.concatenate([[0.0], ratio]))
+    before, after = position[max(k + 1 - EXPOSURES_BESIDE, 0) : k + 1], position[k + 1 :]
+    sides = before - position[k], after[:EXPOSURES_BESIDE] - position[k + 1]
     even = all(
         x.size >= FEWEST_BESIDE and np.abs(x - np.rint(x)).max() < 0.5 * limit for x in sides
     )

@@ -12,6 +12,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
 
+from ...base.errors import UsageError
 from ...records import FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 
@@ -87,14 +88,21 @@ class Export:
     of_one_camera: tuple[str, ...] = ()
 
     @property
-    def write(self) -> Callable[..., Any]:
+    def function(self) -> Callable[..., Any]:
         """The writer."""
         return function_at(self.writer)
+
+    def write(self, eo: Any, path: Path, **options: Any) -> Any:
+        """Write what the writer takes; UsageError for a frame that the format cannot carry."""
+        if self.frames and not self.relative:
+            name = next(name for name, form in EXPORTS.items() if form == self)
+            check_frame(eo, name, self.frames)
+        return self.function(eo, path, **options)
 
     @cached_property
     def options(self) -> tuple[str, ...]:
         """What the caller may give: what the writer takes besides, and those of its control."""
-        parameters = list(signature(self.write).parameters)[2:]
+        parameters = list(signature(self.function).parameters)[2:]
         return (*(key for key in parameters if key not in GIVEN), *self.of_control)
 
     @property
@@ -109,6 +117,15 @@ class Export:
     def in_own_frame(self, eo: FramedOrientation) -> FramedOrientation:
         """Return `eo` in the frame that the file is really in."""
         return function_at(self.frame)(eo) if self.frame else eo
+
+
+def check_frame(eo: FramedOrientation, name: str, kinds: tuple[str, ...]) -> None:
+    """Refuse a frame whose kind is none of `kinds`, for the format `name`."""
+    if eo.frame.kind not in kinds:
+        raise UsageError(
+            f"{name} cannot carry a {eo.frame.kind} frame ({eo.frame.name}); it takes"
+            f" {', '.join(kinds)}"
+        )
 
 
 def function_at(location: str) -> Callable[..., Any]:

@@ -33,7 +33,7 @@ from ..filter.codes import POS
 from ..filter.layout import FixErrors
 from ..filter.solution import Solution
 from .constants import STRONG, ConstantsEvidence, Hypothesis
-from .estimated import rms_speed
+from .estimated import constant, rms_speed
 from .evidence import NO_CLAIMS, FixClaims
 
 if TYPE_CHECKING:
@@ -134,6 +134,30 @@ def _shown(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> b
     return suspected.wide_evidence >= STRONG and all(
         of_group <= set(rival.groups) or set(rival.groups) <= set(OF_FIXES) for rival in rivals
     )
+
+
+def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
+    """Return a hypothesis with the values of the solution where they are far from the flight file.
+
+    The evidence is linear in them, and an error of metres is not.
+
+    Parameters
+    ----------
+    suspected : Hypothesis
+        What is suspected.
+    solution : Solution
+        The flight solved with it.
+
+    Returns
+    -------
+    Hypothesis
+        The same where it is near the flight file.
+    """
+    if suspected.factor == 1.0:
+        return suspected
+    states = solution.problem.layout.states
+    pairs = np.array([constant(solution, states.index(state)) for state in suspected.states])
+    return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
 def unseen(

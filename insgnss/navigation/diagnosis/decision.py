@@ -6,16 +6,15 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ...base.beside import Beside
 from ...records import Finding
-from ...records.states import CLOCK_RATE, TIME_OFFSET, State
+from ...records.states import CLOCK_RATE, OF_LEVER_ARM, TIME_OFFSET, State
 from ...records.verdicts import Estimate
 from ..filter.layout import SLOW_STATE
 from ..filter.problem import InitialState
+from ..filter.smoother import SharedError
 from ..filter.solution import Solution
-from .advice import advice, message, unseen, variance_check
+from .advice import advice, as_solved, message, unseen, variance_check
 from .candidates import FAR_FACTOR, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
 from .constants import (
@@ -32,7 +31,7 @@ from .drift import (
     least_misfit,
     slow_bias_candidate,
 )
-from .estimated import constant, fix_counts
+from .estimated import fix_counts
 from .evidence import (
     FEWEST_FIXES,
     ErrorModelSearch,
@@ -42,12 +41,15 @@ from .evidence import (
     misfit,
 )
 from .sensitivity import Sensitivity
-from .sensor_dynamics import DYNAMICS, DynamicsTrial, dynamics_trials
+from .sensor_dynamics import DYNAMICS, DynamicsTrial, arm_has_moved, lag_beside_arm, late_sensors
 from .time_correlated import is_suspicious, time_correlated_error
 from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
 LATE_SENSORS = tuple(one.name for one in DYNAMICS)  # and so are delays of a sensor
+BESIDE_ARM = "lag beside the lever arm"
+# attempted: then no lag is looked for in what the state of the lever arm has taken
+AS_ARM = (*OF_LEVER_ARM, BESIDE_ARM, *(one.name for one in DYNAMICS if one.of_motion))
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
@@ -123,12 +125,13 @@ def diagnose(
     step = _clock_step(search, posed, state)
     if step is not None:  # what was adopted instead is no finding of its own
         return Diagnosis(state.solution, (step,), state.history)
+    solution = state.solution.enlarged(state.shared) if state.shared else state.solution
     if constants is None:
-        return Diagnosis(state.solution, state.checks, state.history)
+        return Diagnosis(solution, state.checks, state.history)
     middle_s = 0.5 * float(posed[0].epochs.time[-1])
     unseen_errors = unseen(state.solution, constants, search.events_with_fixes)
     checks = (*state.checks, *([unseen_errors] if unseen_errors else []))
-    return Diagnosis(state.solution, checks, state.history, constants.estimates(middle_s))
+    return Diagnosis(solution, checks, state.history, constants.estimates(middle_s))
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,8 @@ class Stage:
     """Where the search stands: what is adopted, what it says, and what has been tried in vain.
 
     `posed` is the problem with another start, where what is adopted has aligned it anew;
-    `variances` the search on its solution, where that has been linearised already.
+    `variances` the search on its solution, where that has been linearised already; `shared` what
+    the positions share besides.
     """
 
     solution: Solution
@@ -146,6 +150,7 @@ class Stage:
     attempted: frozenset[State | str] = frozenset()
     posed: Posed | None = None
     variances: VarianceSearch | None = None
+    shared: tuple[SharedError, ...] = ()
 
     def after_trial(
         self,
@@ -155,13 +160,15 @@ class Stage:
         adopted: tuple[Solution, ErrorModel] | None = None,
         posed: Posed | None = None,
         variances: VarianceSearch | None = None,
+        shared: tuple[SharedError, ...] = (),
     ) -> "Stage":
         """Return the state after something was tried: what it says, and what is adopted with it."""
         sentence = sentence or "; ".join(f"{check.name}: {check.found}" for check in checks)
         if adopted is None:
             adopted, posed, variances = (self.solution, self.model), self.posed, self.variances
         every, history = (*self.checks, *checks), (*self.history, sentence)
-        return Stage(*adopted, every, history, self.attempted | set(names), posed, variances)
+        attempted, every_error = self.attempted | set(names), (*self.shared, *shared)
+        return Stage(*adopted, every, history, attempted, posed, variances, every_error)
 
 
 Candidate = tuple[float, Callable[[], Stage | None]]
@@ -224,7 +231,8 @@ def next_state(
     of_constants: Candidate | None = None
     if constants and suspected and not state.attempted & set(suspected.groups):
         evidence = max(0.0, _of_lost_fixes(search, posed, state, suspected))
-        delays = late_sensors(search, posed, state, evidence - OTHERS)
+        before = state.model, state.solution, state.attempted
+        delays = late_sensors(search, posed, *before, evidence - OTHERS)
         delay = next((one for one in delays if one.evidence > evidence + OTHERS), None)
         remedied = None
         if delay is None:
@@ -242,6 +250,8 @@ def next_state(
             if unexplained < LEAST_PROMISE and (slow is None or slow[0] < suspected.evidence):
                 return allowed
             of_constants = suspected.evidence, lambda: allowed
+    elif state.attempted.isdisjoint(AS_ARM) and arm_has_moved(state.solution):
+        of_delay = _beside_arm(search, posed, state)
     variance = _variance(search, posed, state, variances) if promising else None
     candidates = [slow, variance, of_delay]
     if suspicious is not None:
@@ -262,22 +272,23 @@ def _of_lost_fixes(
     return min(suspected.evidence, gain)
 
 
-def late_sensors(
-    search: ErrorModelSearch, posed: Posed, state: Stage, least: float
-) -> list[DynamicsTrial]:
-    """Return errors of sensors that follow the motion, of more than an evidence, the best first."""
-    untried = [dynamics for dynamics in DYNAMICS if dynamics.name not in state.attempted]
-    trials = dynamics_trials(search, posed, state.model, state.solution, untried)
-    rivals = [one for one in trials if one.evidence > least]
-    return sorted(rivals, key=lambda one: -one.evidence)
-
-
 def _corrected(state: Stage, delay: DynamicsTrial) -> Stage:
     """Return the state without the delay of a sensor."""
-    adopted = delay.solution, state.model
-    return state.after_trial(
-        [delay.dynamics.name], [delay.check()], adopted=adopted, posed=delay.posed
-    )
+    adopted, shared = (delay.solution, state.model), (delay.shared_error(state.solution),)
+    names, checks = [delay.dynamics.name], [delay.check()]
+    return state.after_trial(names, checks, adopted=adopted, posed=delay.posed, shared=shared)
+
+
+def _beside_arm(search: ErrorModelSearch, posed: Posed, state: Stage) -> Candidate | None:
+    """Return a lag of the fixes in place of a lever arm that a state has taken (R.1)."""
+    lag = lag_beside_arm(search, posed, state.model, state.solution)
+    if lag is None:
+        return None
+    if lag.evidence > 0.0:
+        return lag.evidence, lambda: _corrected(state, lag)
+    shared = (lag.shared_error(state.solution, adopted=False),)
+    sentence = f"in the covariance, as a rival of the lever arm that is estimated: {lag.sentence}"
+    return 0.0, lambda: state.after_trial([BESIDE_ARM], sentence=sentence, shared=shared)
 
 
 def _with_constants(
@@ -436,30 +447,6 @@ def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State
 def _resets(solution: Solution) -> int:
     """Return how often the covariance was reset after rejected fixes."""
     return fix_counts(solution.verdict)[2]
-
-
-def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
-    """Return a hypothesis with the values of the solution where they are far from the flight file.
-
-    The evidence is linear in them, and an error of metres is not.
-
-    Parameters
-    ----------
-    suspected : Hypothesis
-        What is suspected.
-    solution : Solution
-        The flight solved with it.
-
-    Returns
-    -------
-    Hypothesis
-        The same where it is near the flight file.
-    """
-    if suspected.factor == 1.0:
-        return suspected
-    states = solution.problem.layout.states
-    pairs = np.array([constant(solution, states.index(state)) for state in suspected.states])
-    return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
 def _adopted(search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel) -> Stage:

@@ -8,7 +8,7 @@ from ...base.errors import DataError
 from ...records import Finding
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import solve
-from .advice import advice
+from .advice import advice, as_solved
 from .candidates import widened, with_constants
 from .constants import OTHERS, STRONG, Hypothesis
 from .decision import (
@@ -16,13 +16,12 @@ from .decision import (
     ROUNDS,
     Diagnosis,
     Stage,
-    as_solved,
-    late_sensors,
     next_state,
     step_under,
 )
 from .drift import bias_step_candidate
 from .evidence import ErrorModelSearch, Posed, follows
+from .sensor_dynamics import late_sensors
 
 
 def explain_failure(search: ErrorModelSearch, problem: EstimationProblem) -> Finding | None:
@@ -74,11 +73,11 @@ def _rival_wins(search: ErrorModelSearch, posed: Posed, gate: float, evidence: f
         shown = solve(*posed, "off", search.progress)
     except DataError:
         return False
-    state = Stage(shown, search.requested_model)
-    if late_sensors(search, posed, state, evidence + OTHERS):
+    model = search.requested_model
+    if late_sensors(search, posed, model, shown, least=evidence + OTHERS):
         return True
     gated = replace(posed[0], gate=gate), posed[1]
-    step = bias_step_candidate(search, state.model, gated, shown)
+    step = bias_step_candidate(search, model, gated, shown)
     if step is None or step.evidence <= evidence:
         return False
     stepped = step.solved(search)

@@ -27,12 +27,12 @@ from ..innovations.incorrect_values import (
     withhold_incorrect_values,
 )
 from ..noise_model.model import NoiseModel
-from .candidates import ErrorModel, LayoutFactory, with_every_constant, with_layout
+from .candidates import ErrorModel, LayoutFactory, with_layout
 from .constants import STRONG
-from .decision import Stage, diagnose, late_sensors, step_under
+from .decision import diagnose, step_under
 from .drift import hidden_drift
 from .estimated import constant, fix_counts
-from .evidence import ErrorModelSearch, follows, misfit
+from .evidence import ErrorModelSearch, follows
 from .failure import explain_failure, rescue
 from .incorrect_fixes import (
     AS_FLOAT,
@@ -46,6 +46,7 @@ from .incorrect_fixes import (
     withhold_incorrect_fixes,
 )
 from .sensitivity import Sensitivity
+from .sensor_dynamics import OpenedFlight, opened_flight, ungated
 from .time_correlated import code_errors, code_message
 from .variances import check_biases_in_innovations, with_turn_on, without_turn_on
 
@@ -98,6 +99,8 @@ class Case:
         What was done after the solution, sentence by sentence.
     constants : tuple of Estimate
         What the segment alone says of the constants of its fixes.
+    opened : OpenedFlight or None
+        What it says where every fix is used; None before that is needed.
     """
 
     problem: EstimationProblem
@@ -117,6 +120,7 @@ class Case:
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
     constants: tuple[Estimate, ...] = ()
+    opened: OpenedFlight | None = None
 
     @property
     def failed(self) -> bool:
@@ -226,11 +230,6 @@ def _filtered(case: Case) -> Case:
     return replace(case, solution=solution)
 
 
-def _ungated(problem: EstimationProblem) -> EstimationProblem:
-    """Return a problem that uses every fix, each with its own weight."""
-    return replace(problem, gate=np.inf, huber_threshold=np.inf)
-
-
 def _with_late_sensor(case: Case) -> Case | None:
     """Correct a sensor that follows the motion late, or worse in turns, and so loses the fixes.
 
@@ -238,24 +237,24 @@ def _with_late_sensor(case: Case) -> Case | None:
     """
     search, start = case.search, case.start
     assert start is not None
-    opened = _ungated(case.problem), start
-    model = search.requested_model
-    constants = search.misfit_of(opened, with_every_constant(model))
-    try:
-        shown = solve(*opened, "off", search.progress)
-        least = max(STRONG, 0.5 * (misfit(shown) - constants))
-        for trial in late_sensors(search, opened, Stage(shown, model), least):
-            corrected = replace(trial.posed[0], gate=case.problem.gate)
-            problem = replace(corrected, huber_threshold=case.problem.huber_threshold)
+    opened = opened_flight(search, (case.problem, start))
+    if opened is None:
+        return None
+    case = replace(case, opened=opened)
+    least = max(STRONG, 0.5 * (opened.misfit - opened.of_constants))
+    for trial in opened.beyond(least):
+        corrected = replace(trial.posed[0], gate=case.problem.gate)
+        problem = replace(corrected, huber_threshold=case.problem.huber_threshold)
+        try:
             solution = solve(
                 problem, start, search.second_pass, search.progress, about=trial.solution
             )
-            if follows(solution) and not fix_counts(solution.verdict)[2]:
-                case = replace(case, problem=problem, solution=solution, failure=None)
-                return replace(case, checks=(*case.checks, trial.check()))
-    except DataError:
-        return None
-    return None
+        except DataError:
+            return case
+        if follows(solution) and not fix_counts(solution.verdict)[2]:
+            case = replace(case, problem=problem, solution=solution, failure=None)
+            return replace(case, checks=(*case.checks, trial.check()))
+    return case
 
 
 def _without_incorrect_fixes(case: Case) -> Case | None:
@@ -291,21 +290,19 @@ def _rival_explains(case: Case, floating: FloatSpells) -> bool:
     search, start = case.search, case.start
     assert start is not None
     problem, start_of_float, errors, spells = floating
-    opened = _ungated(case.problem), start
-    of_float = _ungated(problem), start_of_float
+    of_float = ungated(problem), start_of_float
     least = search.misfit_of(of_float, ErrorModel(errors)) + OF_SPELL * len(spells)
-    model = search.requested_model
-    if search.misfit_of(opened, with_every_constant(model)) < least:
+    opened = case.opened or opened_flight(search, (case.problem, start))
+    if opened is None or opened.of_constants < least:
         return True
     try:
-        shown = solve(*opened, "off", search.progress)
         as_float = solve(problem, start_of_float, "off", search.progress)
     except DataError:
         return True
-    if step_under(search, (case.problem, start), model, as_float) is not None:
+    posed, model = (case.problem, start), search.requested_model
+    if step_under(search, posed, model, as_float) is not None:
         return True
-    promise = 0.5 * (misfit(shown) - least)
-    return bool(late_sensors(search, opened, Stage(shown, model), promise))
+    return bool(opened.beyond(0.5 * (opened.misfit - least)))
 
 
 def _without_incorrect_values(case: Case) -> Case | None:

@@ -6,28 +6,46 @@ Such a sensor looks like a wrong lever arm or clock. That is no state: what it m
     gyros later than accelerometers by d    the rotation is taken d later
     a receiver's tracking loop of natural   fixes lag by a / w^2, a the antenna's acceleration: in
     frequency w                             a coordinated turn a lever arm g / w^2 too low
+    a receiver that predicts by T           they lag by a T^2 / 2
+    a receiver that averages over T         they lead by a T^2 / 24
     a bias b of the accelerometers at a     vibration rectification: b (|f| / g - 1), which acts in
     g of load more                          turns alone, as a lever arm does
+
+In a coordinated turn the antenna's acceleration is a = g + C_lb (0, 0, -|f|). Fixes that lag by c a
+are then those of an antenna c |f| lower, less c g: a lever-arm state takes the first with its
+a-priori sigma alone as resistance, and all heights are c g off, in silence. So where that state has
+left zero, a lag is tried, too. With q the probability of what is not adopted, d the shift between
+both solutions and r = sigma / c of the lag, the positions share besides
+
+    (q + p r^2) d d'  with the lag adopted, p = 1 - q,      q (1 + r^2) d d'  without      (R.1)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
+from ...base.errors import DataError
 from ...base.units import MILLI_G, STANDARD_GRAVITY
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
 from ...records.interpolation import columns_at
-from ..filter.codes import QUAT, VEL
+from ...records.states import State
+from ..filter.codes import POS, QUAT, VEL
 from ..filter.problem import EstimationProblem
-from ..filter.solution import Solution
+from ..filter.smoother import SharedError
+from ..filter.solution import Solution, solve
 from .advice import millimetres
-from .candidates import ErrorModel
+from .candidates import ErrorModel, with_every_constant
+from .constants import OTHERS
+from .estimated import constant
 from .evidence import ErrorModelSearch, Posed, misfit
 
 LOAD_S = 0.25  # s on either side, over which the load factor is a mean: longer than vibration lasts
+# of the lever arm downwards, from which on it may be a lag of the fixes: smaller ones move images
+# by less than two of their sigmas, and right arms reach it in 4 % of flights
+MOVED_M, MOVED_SIGMAS = 0.01, 2.0
 
 
 def with_earlier_gyros(
@@ -126,12 +144,12 @@ def delay_in_words(value: Array, sigma: Array) -> str:
 
 
 def loop_in_words(value: Array, sigma: Array) -> str:
-    """Describe a receiver that lags."""
+    """Describe a receiver that lags, or whose fixes are means."""
+    size = f"by {millimetres(abs(value[0]))} +- {millimetres(sigma[0])} mm at 1 m/s^2"
+    if value[0] < 0.0:
+        return f"fixes smoothed over some {(-24.0 * value[0]) ** 0.5:.1f} s, which cut turns {size}"
     hertz = 0.5 / np.pi / max(value[0], 1e-6) ** 0.5
-    return (
-        f"a tracking loop of the receiver of {hertz:.1f} Hz, which lags by {millimetres(value[0])}"
-        f" +- {millimetres(sigma[0])} mm at 1 m/s^2"
-    )
+    return f"a tracking loop of the receiver of {hertz:.1f} Hz, which lags {size}"
 
 
 def load_bias_in_words(value: Array, sigma: Array) -> str:
@@ -192,7 +210,7 @@ DYNAMICS = (
         "fixes that do not lag",
         (3e-3,),
         0.025,  # s^2: receivers that smooth have loops of 1 Hz and more
-        0.0,
+        -np.inf,
         with_followed_fixes,
         loop_in_words,
         "set the receiver to high dynamics, without smoothing of carrier or positions",
@@ -237,16 +255,90 @@ class DynamicsTrial:
     solution: Solution
 
     @property
+    def probability(self) -> float:
+        """That of the delay, against none."""
+        return float(1.0 / (1.0 + np.exp(-self.evidence)))
+
+    def shared_error(self, before: Solution, adopted: bool = True) -> SharedError:
+        """Return what the positions share besides, of this solution or of the one before (R.1).
+
+        Parameters
+        ----------
+        before : Solution
+            The solution without the delay.
+        adopted : bool
+            Whether the result is that with the delay.
+        """
+        shift = np.mean(self.solution.nav[:, POS] - before.nav[:, POS], axis=0)
+        spread = self.sigma @ self.sigma / (self.value @ self.value)
+        p = self.probability
+        share = 1.0 - p + p * spread if adopted else p * (1.0 + spread)
+        return SharedError(0, before.time.size - 1, share * np.outer(shift, shift))
+
+    @property
     def sentence(self) -> str:
         """What delays, and by how much."""
         return self.dynamics.in_words(self.value, self.sigma)
 
     def check(self) -> Finding:
         """Return a note that a sensor has such errors, which have been corrected in the result."""
+        undecided = self.dynamics.of_motion and self.evidence < OTHERS
+        either = "; or the antenna is off, up or down: the sigmas allow for both" * undecided
         return Question(self.dynamics.name, self.dynamics.expected).note(
-            f"{self.sentence}, log evidence {self.evidence:.0f}; corrected in the result",
+            f"{self.sentence}, log evidence {self.evidence:.0f}; corrected in the result{either}",
             self.dynamics.remedy,
         )
+
+
+def ungated(problem: EstimationProblem) -> EstimationProblem:
+    """Return a problem that uses every fix, each with its own weight."""
+    return replace(problem, gate=np.inf, huber_threshold=np.inf)
+
+
+def arm_has_moved(solution: Solution) -> bool:
+    """Tell whether the state of the lever arm has left zero, downwards or upwards."""
+    first = solution.problem.layout.lever
+    if first < 0:
+        return False
+    value, sigma = constant(solution, first + 2)
+    return abs(value) > max(MOVED_M, MOVED_SIGMAS * sigma)
+
+
+def lag_beside_arm(
+    search: ErrorModelSearch, posed: Posed, model: ErrorModel, solution: Solution
+) -> DynamicsTrial | None:
+    """Look for a lag of the fixes in what the state of the lever arm has taken (R.1)."""
+    lags = [one for one in DYNAMICS if one.of_motion]
+    return next(iter(dynamics_trials(search, posed, model, solution, lags)), None)
+
+
+def late_sensors(
+    search: ErrorModelSearch,
+    posed: Posed,
+    model: ErrorModel,
+    solution: Solution,
+    attempted: Collection[State | str] = (),
+    least: float = -np.inf,
+) -> list[DynamicsTrial]:
+    """Look for errors of sensors that follow the motion.
+
+    Parameters
+    ----------
+    search, posed, model, solution : ErrorModelSearch, Posed, ErrorModel, Solution
+        As in `dynamics_trial`.
+    attempted : collection of str
+        Names of those that are not tried again.
+    least : float
+        The log evidence that they must exceed.
+
+    Returns
+    -------
+    list of DynamicsTrial
+        The best first.
+    """
+    untried = [dynamics for dynamics in DYNAMICS if dynamics.name not in attempted]
+    trials = dynamics_trials(search, posed, model, solution, untried)
+    return [one for one in trials if one.evidence > least]
 
 
 def dynamics_trials(
@@ -256,14 +348,14 @@ def dynamics_trials(
     solution: Solution,
     every: Sequence[SensorDynamics],
 ) -> list[DynamicsTrial]:
-    """Look for the delays of sensors that explain the innovations best; none without any.
+    """Look for the delays of sensors that explain the innovations; those that have one, best first.
 
     The parameters are those of `dynamics_trial`.
     """
-    opened = replace(posed[0], gate=np.inf, huber_threshold=np.inf)
+    opened = ungated(posed[0])
     same = search.misfit_of((opened, posed[1]), model) if every else np.nan
     trials = (dynamics_trial(search, posed, model, solution, one, same) for one in every)
-    return [trial for trial in trials if trial is not None]
+    return sorted((one for one in trials if one is not None), key=lambda one: -one.evidence)
 
 
 def dynamics_trial(
@@ -304,7 +396,7 @@ def dynamics_trial(
     """
     search.progress(f"{dynamics.name}, as a rival of what is suspected")
     (problem, start), motion = posed, about or solution
-    opened = replace(problem, gate=np.inf, huber_threshold=np.inf)
+    opened = ungated(problem)
 
     def cost(value: Array) -> float:
         size = search.misfit_of((dynamics.corrected(opened, motion, value), start), model)
@@ -325,9 +417,42 @@ def dynamics_trial(
     again = search.solved(corrected, model)
     if again is None:
         return None
-    if about is None and dynamics.of_motion and (value > dynamics.prior).any():
+    if about is None and dynamics.of_motion and (np.abs(value) > dynamics.prior).any():
         return dynamics_trial(search, posed, model, solution, dynamics, same, again)
     gain = 0.5 * (misfit(solution) - misfit(again))
     charge = np.linalg.slogdet(np.eye(value.size) + dynamics.prior**2 * np.linalg.inv(cov))[1]
     sigma, evidence = np.sqrt(np.diag(cov)), gain - 0.5 * float(charge)
     return DynamicsTrial(dynamics, value, sigma, evidence, corrected, again)
+
+
+@dataclass(frozen=True)
+class OpenedFlight:
+    """What a flight that loses its fixes says where every one of them is used.
+
+    Parameters
+    ----------
+    misfit, of_constants : float
+        `misfit` as requested, and with every constant that may be wrong.
+    trials : tuple of DynamicsTrial
+        Sensors that follow the motion late, the best first.
+    """
+
+    misfit: float
+    of_constants: float
+    trials: tuple[DynamicsTrial, ...]
+
+    def beyond(self, evidence: float) -> list[DynamicsTrial]:
+        """Return the late sensors of more than an evidence."""
+        return [one for one in self.trials if one.evidence > evidence]
+
+
+def opened_flight(search: ErrorModelSearch, posed: Posed) -> OpenedFlight | None:
+    """Solve a flight with every fix; None without a solution."""
+    opened, model = (ungated(posed[0]), posed[1]), search.requested_model
+    try:
+        shown = solve(*opened, "off", search.progress)
+    except DataError:
+        return None
+    of_constants = search.misfit_of(opened, with_every_constant(model))
+    trials = late_sensors(search, opened, model, shown)
+    return OpenedFlight(misfit(shown), of_constants, tuple(trials))

@@ -24,23 +24,23 @@ where these are many (`ChainAgain`).
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
 from ...base.advance import through
 from ...records import Array
 from .codes import ABSENT, N_NAV
+from .covariances import BlockAgain, ChainAgain
+from .epochs import numbered_within, piece_of_epochs
 from .event_chain import CHAIN_BYTES, EventChain, EventTransitions, event_bytes, events_of, nodes_of
 from .filter import (
     first_state,
     forward_inputs,
-    history_room,
     make_history,
     measured_slots,
     outages,
     refuse_divergence,
+    relabelled,
 )
 from .kernels.backward import run_backward
 from .kernels.blas import link_blas
@@ -53,15 +53,13 @@ from .kernels.records import (
 )
 from .kernels.transitions import event_transitions
 from .problem import EstimationProblem, InitialState
-from .smoother import EventRows, SharedError, Smoothed, SmootherState
+from .smoother import EventRows, Smoothed, SmootherState, copied
 
 EPOCHS_OF_BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
 # regular epochs of which the whole covariance is kept; what a report can show
 MOST_COVARIANCE_ROWS = 4000
 
-State = TypeVar("State", FilterState, SmootherState)
-NO_EVENTS = slice(0, 0)  # of a block that is filtered again without its events
 RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
 
 Follower = Callable[[IntegrationIntervals, Epochs, FilterHistory, int], None]
@@ -162,9 +160,9 @@ class BlockwisePasses:
         events = slice(*np.searchsorted(self.exposed, (first, last)).tolist())
         count = events.stop - events.start
         cross = history.cross[events] if self.whole else history.cross[:count]
-        epochs = _piece_of_epochs(self.problem.epochs, front, last)
+        epochs = piece_of_epochs(self.problem.epochs, front, last)
         return (
-            epochs._replace(event=_numbered_within(epochs.event, events)),
+            epochs._replace(event=numbered_within(epochs.event, events)),
             history._replace(cross=cross),
             first - front,
             events,
@@ -196,7 +194,7 @@ class BlockwisePasses:
             self.transitions = EventTransitions.before(*size)
         unread = self.transitions is None and follower is None
         for b, first, last in through(list(self._blocks())):
-            self.checkpoints.append(_copied(state))
+            self.checkpoints.append(copied(state))
             if self.transitions is not None:
                 self.products.append(self.transitions.product.copy())
             epochs, records, begin, events = self._of_block_views(b, first, last)
@@ -235,7 +233,7 @@ class BlockwisePasses:
         for b, first, last in through(list(self._blocks())[::-1]):
             epochs, records, begin, events = self._of_block_views(b, first, last)
             if not (self.whole or self.held == b):
-                run_forward(epochs, _copied(self.checkpoints[b]), records, begin, *inputs)
+                run_forward(epochs, copied(self.checkpoints[b]), records, begin, *inputs)
                 self.held = b
             self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
@@ -251,8 +249,8 @@ class BlockwisePasses:
         self.row_sigma[begin:end] = np.sqrt(variance)
 
     def chain(
-        self, smoothed: Smoothed, again: "BlockAgain | None" = None
-    ) -> "EventChain | ChainAgain | None":
+        self, smoothed: Smoothed, again: BlockAgain | None = None
+    ) -> EventChain | ChainAgain | None:
         """Return what ties the events, where the problem asks for it.
 
         Parameters
@@ -274,7 +272,7 @@ class BlockwisePasses:
         kept = smoothed.read, smoothed.event_filter, smoothed.event_gain
         return EventChain(self.exposed, self.transitions.of_events, *kept)
 
-    def again(self) -> "BlockAgain":
+    def again(self) -> BlockAgain:
         """Return what passes any block again, when the records are gone."""
         h = self.history
         nominal = None if self.closed_loop else (h.nav.copy(), h.x.copy())
@@ -290,193 +288,6 @@ class BlockwisePasses:
             self.transitions,
             tuple(self.products),
         )
-
-
-@dataclass(frozen=True)
-class BlockAgain:
-    """Passes a block of a solved flight again, for the covariance of epochs where it was not kept.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        What was solved.
-    size : int
-        Epochs of a block.
-    checkpoints : tuple of FilterState
-        The filter before each block.
-    adjoints : tuple of SmootherState
-        The smoother behind each block.
-    nominal : tuple of Array, or None
-        (m, 10) and (m, ns) about which the last pass was linearised; None where that was the
-        filter's own.
-    slot, used, outage : ndarray
-        As in `FilterHistory`.
-    transitions : EventTransitions or None
-        M_k of all events, where the chain of events is kept.
-    products : tuple of Array
-        Those before each block, since the event before.
-    """
-
-    problem: EstimationProblem
-    size: int
-    checkpoints: tuple[FilterState, ...]
-    adjoints: tuple[SmootherState, ...]
-    nominal: tuple[Array, Array] | None
-    slot: np.ndarray
-    used: np.ndarray
-    outage: np.ndarray
-    transitions: EventTransitions | None
-    products: tuple[Array, ...]
-
-    def triangles(self, rows: np.ndarray) -> Array:
-        """Return the smoothed covariance of the errors of all states at some epochs.
-
-        Parameters
-        ----------
-        rows : ndarray
-            (k,) the epochs.
-
-        Returns
-        -------
-        Array
-            (k, n (n + 1) / 2) lower triangles.
-        """
-        n = self.problem.layout.size
-        out = np.empty((rows.size, n * (n + 1) // 2))
-        block = rows // self.size
-        for b in np.unique(block).tolist():
-            own = np.flatnonzero(block == b)
-            wanted, inverse = np.unique(rows[own], return_inverse=True)
-            out[own] = self._of_block(b, wanted)[inverse]
-        return out
-
-    @property
-    def start(self) -> InitialState:
-        """The state at the first epoch, about the nominal of the last pass."""
-        first = self.checkpoints[0]
-        nav, x = first.nav, first.x
-        if self.nominal is not None:
-            nav, x = (each[0] for each in self.nominal)
-        return InitialState(nav, x, first.m, first.P)
-
-    def records(
-        self, b: int, events: slice = NO_EVENTS
-    ) -> tuple[FilterHistory, np.ndarray, int, int]:
-        """Filter a block again from its checkpoint.
-
-        Parameters
-        ----------
-        b : int
-            The block.
-        events : slice
-            Camera events that are wanted; none where it is left out.
-
-        Returns
-        -------
-        history : FilterHistory
-            What the filter leaves of its epochs, with that of the epoch before it in front.
-        event : ndarray
-            The number of the event of each of these epochs, from 0 for the first that is wanted, or
-            ABSENT.
-        front : int
-            The epoch of the first row.
-        begin : int
-            The first row of the block's own.
-        """
-        epochs, n = self.problem.epochs, self.problem.layout.size
-        first = b * self.size
-        last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
-        own = _piece_of_epochs(epochs, front, last)
-        own = own._replace(event=_numbered_within(own.event, events))
-        outage = _relabelled(self.outage[front:last])
-        count = last - front, n, last - front
-        room = history_room(
-            *count, self.slot, self.used, outage, last - front, events.stop - events.start
-        )
-        if self.nominal is not None:
-            room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
-        inputs = forward_inputs(self.problem, self.nominal is None)
-        run_forward(own, _copied(self.checkpoints[b]), room, first - front, *inputs)
-        return room, own.event, front, first - front
-
-    def _of_block(self, b: int, rows: np.ndarray) -> Array:
-        """Return the triangles of increasing epochs of a block."""
-        room, event, front, begin = self.records(b)
-        count, n = room.m.shape
-        smoothed = Smoothed.of(count, n, rows - front, EventRows.of(0), 0)
-        run_backward(event, room, True, _copied(self.adjoints[b]), begin, smoothed)
-        return smoothed.kept
-
-
-@dataclass(frozen=True)
-class ChainAgain:
-    """The chain of more events than are kept: its parts are worked out again.
-
-    Parameters
-    ----------
-    again : BlockAgain
-        Passes the blocks.
-    epoch : ndarray
-        (events,) epoch of each event.
-    read : EventRows
-        What is wanted of P_k and of the last factor of (B.8).
-    shared : tuple of SharedError
-        What was added to the smoothed covariance.
-    """
-
-    again: BlockAgain
-    epoch: np.ndarray
-    read: EventRows
-    shared: tuple[SharedError, ...] = ()
-
-    def piece(self, first: int, last: int) -> EventChain:
-        """Return the chain of consecutive events, to the bit as it would have been kept.
-
-        Parameters
-        ----------
-        first, last : int
-            The first of them, and the first behind them.
-
-        Returns
-        -------
-        EventChain
-            Whose events count from 0.
-        """
-        before = max(first - 1, 0)  # M_k begins at the event before
-        blocks = (self.epoch[[before, last - 1]] // self.again.size).tolist()
-        chain, _ = self._worked_out(before, last, range(blocks[0], blocks[1] + 1))
-        return chain.piece(first - before, last - before)
-
-    def whole(self) -> tuple[EventChain, BlockAgain]:
-        """Return the chain of all events, to the bit as it would have been kept.
-
-        Returns
-        -------
-        chain : EventChain
-            17 kB an event of 34 states.
-        again : BlockAgain
-            What passes the blocks again, with the transitions of all events.
-        """
-        return self._worked_out(0, self.epoch.size, range(len(self.again.checkpoints)))
-
-    def _worked_out(self, first: int, last: int, blocks: range) -> tuple[EventChain, BlockAgain]:
-        """Return the chain of the events first..last - 1, whose M_k begin at the first of them, and
-        the transitions along the blocks.
-        """
-        again, events = self.again, slice(first, last)
-        n, read = again.problem.layout.size, self.read.piece(first, last)
-        transitions = EventTransitions.before(last - first, n, again.used.size)
-        rows = Smoothed.of(again.size + 1, n, np.zeros(0, dtype=np.int64), read, 0)
-        products = []
-        for b in blocks:
-            products.append(transitions.product.copy())
-            room, event, _, begin = again.records(b, events)
-            event_transitions(event, room, begin, transitions)
-            piece = rows.piece(0, event.size, slice(0, last - first))
-            run_backward(event, room, True, _copied(again.adjoints[b]), begin, piece)
-        kept = transitions.of_events, read, rows.event_filter, rows.event_gain
-        chain = EventChain(self.epoch[events], *kept, self.shared)
-        return chain, replace(again, transitions=transitions, products=tuple(products))
 
 
 def keeps_events(problem: EstimationProblem) -> bool:
@@ -503,22 +314,11 @@ def _event_rows(problem: EstimationProblem) -> EventRows:
     return EventRows.of(exposed.size, layout.read_of_events, nodes)
 
 
-def _numbered_within(event: np.ndarray, events: slice) -> np.ndarray:
-    """Return numbers of events that count from the first of some; ABSENT of all others."""
-    inside = (event >= events.start) & (event < events.stop)
-    return np.where(inside, event - events.start, ABSENT)
-
-
 def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:
     """Return a copy of a state; what is not set of it is that of `unset`, which all share."""
     if state.within[0]:
-        return _copied(state)
+        return copied(state)
     return unset._replace(adjoint=state.adjoint.copy(), information=state.information.copy())
-
-
-def _piece_of_epochs(epochs: Epochs, front: int, last: int) -> Epochs:
-    """Return the epochs front..last - 1, as views."""
-    return Epochs(*(each[front:last] for each in epochs))
 
 
 def _piece_of_history(
@@ -550,7 +350,7 @@ def _piece_of_history(
         for name, each in zip(history._fields, history, strict=True)
         if name not in whole
     }
-    parts["outage"] = _relabelled(parts["outage"])
+    parts["outage"] = relabelled(parts["outage"])
     return history._replace(**parts)
 
 
@@ -559,13 +359,3 @@ def _unread(history: FilterHistory) -> FilterHistory:
     return history._replace(
         **{name: getattr(history, name)[:1] for name in RECORDS if name not in {"W", "Qbb"}}
     )
-
-
-def _relabelled(outage: np.ndarray) -> np.ndarray:
-    """Return slots of the process noise that are the rows of the epochs themselves."""
-    return np.where(outage != ABSENT, np.arange(outage.size), ABSENT)
-
-
-def _copied(state: State) -> State:
-    """Return a state with arrays of its own."""
-    return type(state)(*(each.copy() for each in state))

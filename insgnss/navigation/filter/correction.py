@@ -28,7 +28,7 @@ multiples of d_j after event j and of r_j+1 before it, n numbers each, so that b
     d = Psi d_j,    r = Omega d_j + Theta r_j+1,    X_k b = [Psi + P Omega, P Theta] z_j      (B.14)
 
 with z_j = (d_j, r_j+1), of which covariances take the product z_j z_j', as small as z_j has rows.
-Each block of epochs is filtered again (`blocks.BlockAgain`), the last one first.
+Each block of epochs is filtered again (`covariances.BlockAgain`), the last one first.
 
 Cucci, Rehak and Skaloud (2017) "Bundle adjustment with raw inertial observations in UAV
 applications", for what is gained; Bryson and Frazier (1963) for the form of the passes.
@@ -40,8 +40,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...records import Array
-from .blocks import BlockAgain, ChainAgain
 from .codes import ABSENT, N_NAV
+from .covariances import BlockAgain, ChainAgain
 from .event_chain import EventChain
 from .kernels.transitions import correct_backwards, event_transitions
 from .smoother import SharedError, numbered

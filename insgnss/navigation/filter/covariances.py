@@ -1,7 +1,8 @@
 """The smoothed covariances of a flight: what is kept of them, and where the rest comes from.
 
 Of every epoch the navigation block is kept, of chosen ones the whole matrix, both as lower
-triangles; any other whole matrix is worked out again with its block (`navigation.filter.blocks`).
+triangles; any other whole matrix is worked out again with its block (`BlockAgain`), and so is what
+ties many camera events (`ChainAgain`).
 """
 
 from dataclasses import dataclass, replace
@@ -9,11 +10,206 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...records import Array
-from .blocks import BlockAgain
 from .codes import N_NAV
-from .smoother import SharedError, diagonal, unpacked
+from .epochs import numbered_within, piece_of_epochs
+from .event_chain import EventChain, EventTransitions
+from .filter import forward_inputs, history_room, relabelled
+from .kernels.backward import run_backward
+from .kernels.forward import run_forward
+from .kernels.records import FilterHistory, FilterState
+from .kernels.transitions import event_transitions
+from .problem import EstimationProblem, InitialState
+from .smoother import EventRows, SharedError, Smoothed, SmootherState, copied, diagonal, unpacked
 
+NO_EVENTS = slice(0, 0)  # of a block that is filtered again without its events
 COVARIANCES_AT_A_TIME = 4096  # covariances that are unpacked, or turned, at a time
+
+
+@dataclass(frozen=True)
+class BlockAgain:
+    """Passes a block of a solved flight again, for the covariance of epochs where it was not kept.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What was solved.
+    size : int
+        Epochs of a block.
+    checkpoints : tuple of FilterState
+        The filter before each block.
+    adjoints : tuple of SmootherState
+        The smoother behind each block.
+    nominal : tuple of Array, or None
+        (m, 10) and (m, ns) about which the last pass was linearised; None where that was the
+        filter's own.
+    slot, used, outage : ndarray
+        As in `FilterHistory`.
+    transitions : EventTransitions or None
+        M_k of all events, where the chain of events is kept.
+    products : tuple of Array
+        Those before each block, since the event before.
+    """
+
+    problem: EstimationProblem
+    size: int
+    checkpoints: tuple[FilterState, ...]
+    adjoints: tuple[SmootherState, ...]
+    nominal: tuple[Array, Array] | None
+    slot: np.ndarray
+    used: np.ndarray
+    outage: np.ndarray
+    transitions: EventTransitions | None
+    products: tuple[Array, ...]
+
+    def triangles(self, rows: np.ndarray) -> Array:
+        """Return the smoothed covariance of the errors of all states at some epochs.
+
+        Parameters
+        ----------
+        rows : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n (n + 1) / 2) lower triangles.
+        """
+        n = self.problem.layout.size
+        out = np.empty((rows.size, n * (n + 1) // 2))
+        block = rows // self.size
+        for b in np.unique(block).tolist():
+            own = np.flatnonzero(block == b)
+            wanted, inverse = np.unique(rows[own], return_inverse=True)
+            out[own] = self._of_block(b, wanted)[inverse]
+        return out
+
+    @property
+    def start(self) -> InitialState:
+        """The state at the first epoch, about the nominal of the last pass."""
+        first = self.checkpoints[0]
+        nav, x = first.nav, first.x
+        if self.nominal is not None:
+            nav, x = (each[0] for each in self.nominal)
+        return InitialState(nav, x, first.m, first.P)
+
+    def records(
+        self, b: int, events: slice = NO_EVENTS
+    ) -> tuple[FilterHistory, np.ndarray, int, int]:
+        """Filter a block again from its checkpoint.
+
+        Parameters
+        ----------
+        b : int
+            The block.
+        events : slice
+            Camera events that are wanted; none where it is left out.
+
+        Returns
+        -------
+        history : FilterHistory
+            What the filter leaves of its epochs, with that of the epoch before it in front.
+        event : ndarray
+            The number of the event of each of these epochs, from 0 for the first that is wanted, or
+            ABSENT.
+        front : int
+            The epoch of the first row.
+        begin : int
+            The first row of the block's own.
+        """
+        epochs, n = self.problem.epochs, self.problem.layout.size
+        first = b * self.size
+        last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
+        own = piece_of_epochs(epochs, front, last)
+        own = own._replace(event=numbered_within(own.event, events))
+        outage = relabelled(self.outage[front:last])
+        count = last - front, n, last - front
+        room = history_room(
+            *count, self.slot, self.used, outage, last - front, events.stop - events.start
+        )
+        if self.nominal is not None:
+            room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
+        inputs = forward_inputs(self.problem, self.nominal is None)
+        run_forward(own, copied(self.checkpoints[b]), room, first - front, *inputs)
+        return room, own.event, front, first - front
+
+    def _of_block(self, b: int, rows: np.ndarray) -> Array:
+        """Return the triangles of increasing epochs of a block."""
+        room, event, front, begin = self.records(b)
+        count, n = room.m.shape
+        smoothed = Smoothed.of(count, n, rows - front, EventRows.of(0), 0)
+        run_backward(event, room, True, copied(self.adjoints[b]), begin, smoothed)
+        return smoothed.kept
+
+
+@dataclass(frozen=True)
+class ChainAgain:
+    """The chain of more events than are kept: its parts are worked out again.
+
+    Parameters
+    ----------
+    again : BlockAgain
+        Passes the blocks.
+    epoch : ndarray
+        (events,) epoch of each event.
+    read : EventRows
+        What is wanted of P_k and of the last factor of (B.8).
+    shared : tuple of SharedError
+        What was added to the smoothed covariance.
+    """
+
+    again: BlockAgain
+    epoch: np.ndarray
+    read: EventRows
+    shared: tuple[SharedError, ...] = ()
+
+    def piece(self, first: int, last: int) -> EventChain:
+        """Return the chain of consecutive events, to the bit as it would have been kept.
+
+        Parameters
+        ----------
+        first, last : int
+            The first of them, and the first behind them.
+
+        Returns
+        -------
+        EventChain
+            Whose events count from 0.
+        """
+        before = max(first - 1, 0)  # M_k begins at the event before
+        blocks = (self.epoch[[before, last - 1]] // self.again.size).tolist()
+        chain, _ = self._worked_out(before, last, range(blocks[0], blocks[1] + 1))
+        return chain.piece(first - before, last - before)
+
+    def whole(self) -> tuple[EventChain, BlockAgain]:
+        """Return the chain of all events, to the bit as it would have been kept.
+
+        Returns
+        -------
+        chain : EventChain
+            17 kB an event of 34 states.
+        again : BlockAgain
+            What passes the blocks again, with the transitions of all events.
+        """
+        return self._worked_out(0, self.epoch.size, range(len(self.again.checkpoints)))
+
+    def _worked_out(self, first: int, last: int, blocks: range) -> tuple[EventChain, BlockAgain]:
+        """Return the chain of the events first..last - 1, whose M_k begin at the first of them, and
+        the transitions along the blocks.
+        """
+        again, events = self.again, slice(first, last)
+        n, read = again.problem.layout.size, self.read.piece(first, last)
+        transitions = EventTransitions.before(last - first, n, again.used.size)
+        rows = Smoothed.of(again.size + 1, n, np.zeros(0, dtype=np.int64), read, 0)
+        products = []
+        for b in blocks:
+            products.append(transitions.product.copy())
+            room, event, _, begin = again.records(b, events)
+            event_transitions(event, room, begin, transitions)
+            piece = rows.piece(0, event.size, slice(0, last - first))
+            run_backward(event, room, True, copied(again.adjoints[b]), begin, piece)
+        kept = transitions.of_events, read, rows.event_filter, rows.event_gain
+        chain = EventChain(self.epoch[events], *kept, self.shared)
+        return chain, replace(again, transitions=transitions, products=tuple(products))
 
 
 @dataclass(frozen=True)

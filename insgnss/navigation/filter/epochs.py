@@ -256,3 +256,40 @@ def with_nhc(epochs: Epochs) -> Epochs:
     across = np.diag([1.0, NHC_SIGMA_MPS**2, NHC_SIGMA_MPS**2])  # the forward row is empty
     cov = np.where((constraint == NHC)[:, None, None], across, epochs.constraint_cov)
     return epochs._replace(constraint=constraint, constraint_cov=cov)
+
+
+def piece_of_epochs(epochs: Epochs, front: int, last: int) -> Epochs:
+    """Return consecutive epochs.
+
+    Parameters
+    ----------
+    epochs : Epochs
+        All epochs.
+    front, last : int
+        The first of them, and the first behind them.
+
+    Returns
+    -------
+    Epochs
+        Views.
+    """
+    return Epochs(*(each[front:last] for each in epochs))
+
+
+def numbered_within(event: np.ndarray, events: slice) -> np.ndarray:
+    """Return numbers of events that count from the first of some.
+
+    Parameters
+    ----------
+    event : ndarray of int
+        (m,) number of the event of each epoch, or ABSENT.
+    events : slice
+        The events that are numbered.
+
+    Returns
+    -------
+    ndarray of int
+        (m,) from 0 on; ABSENT of all others.
+    """
+    inside = (event >= events.start) & (event < events.stop)
+    return np.where(inside, event - events.start, ABSENT)

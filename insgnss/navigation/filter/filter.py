@@ -436,3 +436,19 @@ def refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> Non
             f" {resets.size} times: inertial and GNSS data contradict each other; check axes,"
             " units, time scales, sigmas, lever arm and noise model with `insgnss inspect`"
         )
+
+
+def relabelled(outage: np.ndarray) -> np.ndarray:
+    """Return slots of the process noise that are the rows of the epochs themselves.
+
+    Parameters
+    ----------
+    outage : ndarray of int
+        (m,) slot of each epoch, or ABSENT.
+
+    Returns
+    -------
+    ndarray of int
+        (m,) its row, or ABSENT.
+    """
+    return np.where(outage != ABSENT, np.arange(outage.size), ABSENT)

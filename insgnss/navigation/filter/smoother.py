@@ -47,13 +47,14 @@ the two-filter view.
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array
 from .codes import ABSENT, N_NAV, NAV, POS
+from .kernels.records import FilterState
 
 TINY = 1e-300  # keeps a division by zero away
 # relative eigenvalue of the information from which on a direction is determined
@@ -431,3 +432,22 @@ def diagonal(triangle: Array) -> Array:
 def _size_of(triangle: Array) -> int:
     """Return n of lower triangles (k, n (n + 1) / 2)."""
     return int(np.sqrt(2 * triangle.shape[1]))
+
+
+State = TypeVar("State", FilterState, "SmootherState")
+
+
+def copied(state: State) -> State:
+    """Return a state with arrays of its own.
+
+    Parameters
+    ----------
+    state : FilterState or SmootherState
+        The state.
+
+    Returns
+    -------
+    FilterState or SmootherState
+        A copy.
+    """
+    return type(state)(*(each.copy() for each in state))

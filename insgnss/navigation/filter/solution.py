@@ -26,7 +26,6 @@ from ...records import Array
 from .blocks import (
     MOST_COVARIANCE_ROWS,
     BlockwisePasses,
-    ChainAgain,
     Follower,
     keeps_events,
 )
@@ -46,7 +45,7 @@ from .codes import (
     QY,
     QZ,
 )
-from .covariances import SmoothedCovariances
+from .covariances import ChainAgain, SmoothedCovariances
 from .event_chain import EventChain, events_of
 from .filter import FEEDBACK_RAD
 from .linearised import LINEAR_SIGMAS, linearised_about

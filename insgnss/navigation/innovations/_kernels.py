@@ -27,9 +27,9 @@ from ..filter.kernels.copies import copy_matrix, copy_vector
 from ..filter.kernels.error_model import (
     add_bias_step,
     add_gap_noise,
-    course_from,
     linearise,
 )
+from ..filter.kernels.error_states import course_from
 from ..filter.kernels.measurements import measured_triple
 from ..filter.kernels.prediction import predict_covariance, propagate_mean
 from ..filter.kernels.records import make_interval_work, make_triple

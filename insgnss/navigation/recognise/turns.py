@@ -170,8 +170,8 @@ def exposure_ways(time: Array, gnss: GnssFixes) -> tuple[Array, NDArray[np.bool_
     tuple of ndarray
         Both (n - 1,): m, and bool.
     """
-    place = np.column_stack([np.interp(time, gnss.time, axis) for axis in north_east(gnss).T])
-    way = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    position = np.column_stack([np.interp(time, gnss.time, axis) for axis in north_east(gnss).T])
+    way = np.linalg.norm(np.diff(position, axis=0), axis=1)
     grid = np.arange(gnss.time[0], gnss.time[-1], TURN_GRID_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):

@@ -45,11 +45,10 @@ from ...geodesy.rotation import (
 from ...records import ExteriorOrientation
 from ...records.block import Array
 from .groups import (
-    keys_of_parameters,
     refuse_other_parameters,
     refuse_other_shapes,
 )
-from .unknowns import POSE, Key, Unknowns, size_of
+from .unknowns import POSE, Key, Unknowns, keys_of_parameters, size_of
 
 CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY = "lever arm", "bore-sight", "time offset"
 SHIFT, LINE_DRIFT, COMMON_OF_TRAJECTORY = "shift", "drift", "common errors of the trajectory"

@@ -106,24 +106,6 @@ def refuse_other_parameters(
         )
 
 
-def keys_of_parameters(parameters: Mapping[str, int], order: Sequence[str]) -> tuple[Key, ...]:
-    """Return the blocks of the parameters that are unknowns.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Row of the block of each.
-    order : sequence of str
-        All parameters in the order of a group's columns.
-
-    Returns
-    -------
-    tuple of tuple
-        Their keys in this order.
-    """
-    return tuple((name, parameters[name]) for name in order if name in parameters)
-
-
 def weight_of(cov: Array, who: str) -> Array:
     """Return the inverse of a covariance.
 

@@ -40,8 +40,8 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...records.block import INTERIOR, Array
 from .aerial import EXPOSURE_DELAY
-from .groups import keys_of_parameters, refuse_other_parameters, refuse_other_shapes
-from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
+from .groups import refuse_other_parameters, refuse_other_shapes
+from .unknowns import CAMERA, POINT, POSE, Key, Unknowns, keys_of_parameters
 
 TARGET_ARM, VEHICLE_CLOCK = "lever arm of the target", "delay of the vehicle's clock"
 VEHICLE_SHIFT, SIZE = "shift of the vehicle", "size of the target"

@@ -12,7 +12,7 @@ from .envelope import Factor
 from .envelope import factorised as envelope_factorised
 from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity, elimination, points
-from .unknowns import CAMERA, POINT, POSE, Key, UnknownLayout, Unknowns, layout_of
+from .unknowns import CAMERA, POINT, POSE, Key, UnknownLayout, Unknowns, columns_of, layout_of
 
 SMALLEST_EIGENVALUE = 1e-14
 """Of the normal matrix with unit diagonal. Without datum, or without scale, rounding leaves some
@@ -311,35 +311,6 @@ def between(J: Array, P: Array) -> Array:
     out = np.zeros((J.shape[1], J.shape[1]))
     elimination.add_product(start, column, J[row, column], np.ascontiguousarray(P), out)
     return out
-
-
-def columns_of(
-    layout: UnknownLayout, keys: tuple[Key, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where the blocks of a group stand.
-
-    Parameters
-    ----------
-    layout : UnknownLayout
-        Where the unknowns stand.
-    keys : tuple
-        Blocks of the group.
-
-    Returns
-    -------
-    columns : ndarray of int
-        Columns of the normal matrix.
-    taken : ndarray of int
-        Columns of the group's Jacobian that belong to them; parameters of a camera that are no
-        unknowns have none.
-    """
-    columns, taken, offset = [], [], 0
-    for key in keys:
-        mine, parameters = layout.of(key)
-        columns.append(mine)
-        taken.append(offset + parameters)
-        offset += len(INTERIOR) if key[0] == CAMERA else mine.size
-    return np.concatenate(columns), np.concatenate(taken)
 
 
 def factorised(problem: Problem, normals: Normals) -> Factor:

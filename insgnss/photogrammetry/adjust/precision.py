@@ -11,8 +11,8 @@ from .adjustment import Adjusted, residuals_px
 from .envelope import Factor
 from .groups import ObservationGroup
 from .kernels import points, posterior
-from .normals import Problem, assembled, between, columns_of, factorised
-from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
+from .normals import Problem, assembled, between, factorised
+from .unknowns import CAMERA, POINT, POSE, Key, Unknowns, columns_of
 
 NONCENTRALITY = 4.13
 """Of Baarda's test with 0.1 % false alarms and 80 % power."""

@@ -290,3 +290,50 @@ def layout_of(
     pose_order, envelope = arranged(block, together, position)
     held = [np.asarray(block.held)[np.argsort(pose_order)].ravel(), *held]
     return UnknownLayout(n, c, columns, first, kept, np.concatenate(held), pose_order, envelope)
+
+
+def columns_of(
+    layout: UnknownLayout, keys: tuple[Key, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where the blocks of a group stand.
+
+    Parameters
+    ----------
+    layout : UnknownLayout
+        Where the unknowns stand.
+    keys : tuple
+        Blocks of the group.
+
+    Returns
+    -------
+    columns : ndarray of int
+        Columns of the normal matrix.
+    taken : ndarray of int
+        Columns of the group's Jacobian that belong to them; parameters of a camera that are no
+        unknowns have none.
+    """
+    columns, taken, offset = [], [], 0
+    for key in keys:
+        mine, parameters = layout.of(key)
+        columns.append(mine)
+        taken.append(offset + parameters)
+        offset += len(INTERIOR) if key[0] == CAMERA else mine.size
+    return np.concatenate(columns), np.concatenate(taken)
+
+
+def keys_of_parameters(parameters: Mapping[str, int], order: Sequence[str]) -> tuple[Key, ...]:
+    """Return the blocks of the parameters that are unknowns.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Row of the block of each.
+    order : sequence of str
+        All parameters in the order of a group's columns.
+
+    Returns
+    -------
+    tuple of tuple
+        Their keys in this order.
+    """
+    return tuple((name, parameters[name]) for name in order if name in parameters)

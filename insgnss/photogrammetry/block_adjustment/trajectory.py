@@ -40,9 +40,9 @@ from ...records import ExteriorOrientation
 from ...records.block import Array
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.aerial import AerialControl
-from ..adjust.normals import cofactors_of, columns_of
+from ..adjust.normals import cofactors_of
 from ..adjust.precision import explained
-from ..adjust.unknowns import Unknowns
+from ..adjust.unknowns import Unknowns, columns_of
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of
 from .inputs import BlockInputs

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from ...base.findings import Finding, ranked
 from ...base.wording import some
 from ...records.cameras.mounting import antenna_sigmas
-from ...records.states import AXES, MISALIGNMENTS, OF_LEVER_ARM
+from ...records.states import OF_LEVER_ARM
 from ...records.verdicts import REMARK
 from .hidden import BORESIGHT, known_boresight
 from .wording import Figures, degrees, millimetres, tilt
@@ -28,7 +28,6 @@ USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of th
 # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
 NEGLIGIBLE_ARM_M = 0.02
 EITHER_WRONG = "the place of the images is in doubt"
-OF_SHARED = 0.7  # of a sigma, from which on what misalignments share is half of its variance
 LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight: beyond it, its signs are worth a look
 EARTH_RATE_DEG_H = 15.041  # of the Earth against the stars
 
@@ -125,11 +124,6 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
     if f["standing"]:
         return
     median = (f["exposures"] or f["trajectory"])["attitude_deg"]["median"]
-    shared_deg = _shared_misalignment_deg(f)
-    if max(median) > GOOD_TILT_DEG and shared_deg > OF_SHARED * tilt(median):
-        yield ranked("tilt", shared_deg / GOOD_TILT_DEG, *_of_misalignments(shared_deg))
-        if shared_deg > OF_SHARED * median[2]:
-            return
     if median[2] > GOOD_HEADING_DEG:
         times = (
             f"{median[2] / tilt(median):.1f} times the sigma of tilt"
@@ -151,7 +145,7 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
             sigmas = ", ".join(f"{name} {degrees(sigmas_deg[name])}" for name in by_gain)
             help_ += f"; other sensors would leave: {sigmas}"
         yield ranked("heading", median[2] / GOOD_HEADING_DEG, text, help_)
-    if tilt(median) > GOOD_TILT_DEG and shared_deg <= OF_SHARED * tilt(median):
+    if tilt(median) > GOOD_TILT_DEG:
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])
         text = (
             f"tilt is known to {degrees(tilt(median))} in the median, as much as a level"
@@ -164,30 +158,6 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
             text,
             "turn between all lines, or use better fixes or a better IMU",
         )
-
-
-def _shared_misalignment_deg(f: Figures) -> float:
-    """Return by how much all axes of the IMU may lean alike against the body, deg; 0 where stated.
-
-    Of twelve open misalignments of sigma s the flight shows differences. Each component of what
-    they share is a mean of four, two of the gyros and two of the accelerometers: s / 2.
-    """
-    priors = {state["name"]: state["prior"] for state in f["states"]}
-    sigmas = [priors.get(str(one), 0.0) for one in MISALIGNMENTS]
-    return math.degrees(min(sigmas)) / math.sqrt(len(sigmas) / len(AXES))
-
-
-def _of_misalignments(shared_deg: float) -> tuple[str, str]:
-    """Return what open misalignments do to the images, and what helps."""
-    text = (
-        "the flight file leaves the misalignments of the IMU's axes open (filter.misalignment):"
-        f" what all axes share turns all images alike, by {degrees(shared_deg)}, as a bore-sight"
-        " does"
-    )
-    return text, (
-        "calibrate the bore-sight over ground points, which takes it along, or state in the noise"
-        " model how well its axes are aligned"
-    )
 
 
 def boresight(f: Figures) -> Iterator[Finding]:

@@ -88,6 +88,8 @@ def _of_images(f: Figures) -> Iterator[Finding]:
     if not known_boresight(f["flight"]):
         turn = f["boresight_heading_deg"]
         stated = f"; the one stated turns the heading by {turn:+.2f} deg" if turn else ""
+        if (f["flight"].get("filter") or {}).get("misalignment"):
+            stated += "; so do gyros that are turned in their case, filter.misalignment or not"
         yield _note(
             BORESIGHT,
             f"an error turns every image by as much: {_turned(BORESIGHT_DEG)}{stated}",

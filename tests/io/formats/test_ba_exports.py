@@ -45,6 +45,7 @@ from insgnss.io.formats.bundle.realitycapture import (
     write_realitycapture,
     write_realitycapture_accuracy,
 )
+from insgnss.io.formats.exports import EXPORTS
 from insgnss.io.formats.orientation.eo_local_plane import write_eo_local_plane
 
 Read = list[tuple[Place, Array, bool]]
@@ -468,23 +469,23 @@ def test_reference_of_opensfm_is_not_replaced(tmp_path: Path) -> None:
 
 def test_frames_that_a_format_cannot_carry(tmp_path: Path) -> None:
     """Oracle: the frames of each format's page; the refusal names them, and nothing is written."""
-    cannot: list[tuple[Callable[..., None], str]] = [
-        (write_metashape, "geocentric"),
-        (write_eo_local_plane, "EPSG:2056"),
-        (write_pix4d_matic, "tangent plane"),
-        (write_pix4d_mapper, "geographic"),
-        (write_odm_geo, "tangent plane"),
-        (write_opensfm, "geographic"),
-        (write_micmac, "EPSG:32632"),
-        (write_micmac_xml, "EPSG:32632"),
-        (write_realitycapture, "EPSG:2056"),
-        (write_bentley, "geocentric"),
-        (write_prj, "geographic"),
-        (write_inpho_ascii, "geographic"),
+    cannot: list[tuple[str, str]] = [
+        ("metashape", "geocentric"),
+        ("eo_local_plane", "EPSG:2056"),
+        ("pix4d_matic", "tangent plane"),
+        ("pix4d_mapper", "geographic"),
+        ("odm", "tangent plane"),
+        ("opensfm", "geographic"),
+        ("micmac", "EPSG:32632"),
+        ("micmac_xml", "EPSG:32632"),
+        ("realitycapture", "EPSG:2056"),
+        ("bentley", "geocentric"),
+        ("inpho_prj", "geographic"),
+        ("inpho_ascii", "geographic"),
     ]
-    for write, where in cannot:
+    for name, where in cannot:
         with pytest.raises(UsageError, match=r"cannot carry a .* frame .*; it takes ") as refusal:
-            write(framed(block(1), where), tmp_path / "x")
+            EXPORTS[name].write(framed(block(1), where), tmp_path / "x")
         assert "\n" not in str(refusal.value)
     no_code = framed(block(1), "EPSG:2056")
     no_code = replace(no_code, frame=replace(no_code.frame, crs=""))

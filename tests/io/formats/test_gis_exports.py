@@ -31,6 +31,7 @@ from pyproj import CRS
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError, UsageError
+from insgnss.io.formats.exports import EXPORTS
 from insgnss.io.formats.gis.geojson import cut_at_antimeridian, write_geojson
 from insgnss.io.formats.gis.geopackage import write_geopackage
 from insgnss.io.formats.gis.kml import camera_angles, write_kml
@@ -448,7 +449,7 @@ def test_geopackage_refusals(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"must be named \.gpkg"):
         write_geopackage(framed(block(), "EPSG:2056"), tmp_path / "a.db")
     with pytest.raises(UsageError, match="geopackage cannot carry a geocentric frame"):
-        write_geopackage(framed(block(), "geocentric"), tmp_path / "a.gpkg")
+        EXPORTS["geopackage"].write(framed(block(), "geocentric"), tmp_path / "a.gpkg")
     with pytest.raises(UsageError, match="does the directory exist"):
         write_geopackage(framed(block(), "EPSG:2056"), tmp_path / "no" / "a.gpkg")
     assert not list(tmp_path.iterdir())

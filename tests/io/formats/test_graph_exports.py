@@ -24,6 +24,7 @@ from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.io.formats.bundle.colmap import write_colmap, write_colmap_priors
 from insgnss.io.formats.bundle.colmap_database import read_colmap_database
 from insgnss.io.formats.bundle.opf import write_opf
+from insgnss.io.formats.exports import EXPORTS
 from insgnss.io.formats.orientation.g2o import write_g2o
 from insgnss.io.formats.orientation.tum import write_tum
 from insgnss.records import FramedOrientation
@@ -279,7 +280,7 @@ def test_g2o_gaps_and_refusals(tmp_path: Path) -> None:
     ):
         write_g2o(same, tmp_path / "b.g2o")
     with pytest.raises(UsageError, match="g2o cannot carry a geographic frame"):
-        write_g2o(framed(block(), "geographic"), tmp_path / "b.g2o")
+        EXPORTS["g2o"].write(framed(block(), "geographic"), tmp_path / "b.g2o")
     assert not (tmp_path / "b.g2o").exists()
 
 
@@ -454,7 +455,7 @@ def test_colmap_refusals(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"'a b\.tif'"):
         write_colmap(replace(eo, images=("a b.tif",)), tmp_path / "m", camera=CAMERA)
     with pytest.raises(UsageError, match="colmap cannot carry a geographic frame"):
-        write_colmap(framed(block(1), "geographic"), tmp_path / "m", camera=CAMERA)
+        EXPORTS["colmap"].write(framed(block(1), "geographic"), tmp_path / "m", camera=CAMERA)
     with pytest.raises(UsageError, match=r"shift: \[1\.0\] is not three numbers in m"):
         write_colmap(eo, tmp_path / "m", camera=CAMERA, shift=[1.0])
 
@@ -595,7 +596,7 @@ def test_opf_refusals(
     """Oracle: the specification's schema and its right-handed axes."""
     given: dict[str, Any] = {"camera": CAMERA, "pixel_size_um": 1.4} | options
     with pytest.raises(UsageError, match=message):
-        write_opf(change(framed(block(), "EPSG:32632")), tmp_path / "x", **given)
+        EXPORTS["opf"].write(change(framed(block(), "EPSG:32632")), tmp_path / "x", **given)
     assert not (tmp_path / "x").exists()
 
 

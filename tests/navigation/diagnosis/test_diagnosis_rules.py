@@ -362,6 +362,34 @@ def next_state(
 
 
 @pytest.mark.parametrize(
+    ("evidence", "history"), [(1.0, ("lag",)), (-1.0, ("as a rival of the lever arm",))]
+)
+def test_a_lag_is_tried_where_the_lever_arm_has_moved(monkeypatch, evidence, history) -> None:
+    """Oracle: the more probable of both is adopted, the other is in the covariance, either way."""
+    monkeypatch.setattr(
+        decision, "VarianceSearch", lambda *_: SimpleNamespace(promising=lambda: ())
+    )
+    monkeypatch.setattr(decision, "_slow_bias", lambda *_: None)
+    monkeypatch.setattr(decision, "arm_has_moved", lambda _: True)
+    lag = SimpleNamespace(
+        evidence=evidence,
+        sentence="lag",
+        posed=None,
+        solution="with lag",
+        dynamics=SimpleNamespace(name="receiver dynamics"),
+        check=lambda: SimpleNamespace(name="lag", found=""),
+        shared_error=lambda _, adopted=True: adopted,
+    )
+    monkeypatch.setattr(decision, "lag_beside_arm", lambda *_: lag)
+    search = SimpleNamespace(time_correlated=False, progress=None, variances=True, claims=NO_CLAIMS)
+    adopted = decision.next_state(search, (None, None), decision.Stage("before", None), None)
+    assert adopted.shared == (evidence > 0.0,)
+    assert adopted.solution == ("with lag" if evidence > 0.0 else "before")
+    assert history[0] in adopted.history[0]
+    assert decision.next_state(search, (None, None), adopted, None) is None
+
+
+@pytest.mark.parametrize(
     ("changes", "adopted"),
     [
         ({}, "constant"),

@@ -10,9 +10,10 @@ from flown import NO_GATE, fly, passes_in_one, start_near
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.navigation.filter import blocks, event_chain
-from insgnss.navigation.filter.blocks import BlockwisePasses, ChainAgain, record_bytes
+from insgnss.navigation.filter.blocks import BlockwisePasses, record_bytes
 from insgnss.navigation.filter.codes import NAV, POS
 from insgnss.navigation.filter.correction import corrected
+from insgnss.navigation.filter.covariances import ChainAgain
 from insgnss.navigation.filter.event_chain import EventChain, common_errors, nodes_of
 from insgnss.navigation.filter.forecast import forecast
 from insgnss.navigation.filter.kernels.backward import CANCELLED

@@ -5,12 +5,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.navigation.filter.codes import N_NAV
+from insgnss.navigation.filter.kernels.backward import remove_scalar, remove_triple
 from insgnss.navigation.filter.kernels.update import (
     innovation_test,
     is_scalar,
     one_after_another,
-    remove_scalar,
-    remove_triple,
     scalar_update,
     take_off,
     triple_update,

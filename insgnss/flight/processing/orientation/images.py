@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ....geodesy.frames import TangentPlane
 from ....io.exposures.rig import CameraExposures, ExposedRows
-from ....navigation.filter.blocks import ChainAgain
+from ....navigation.filter.covariances import ChainAgain
 from ....navigation.filter.event_chain import EventChain
 from ....navigation.filter.event_clock import (
     at_uncertain_times,

@@ -25,7 +25,6 @@ from ....records import FramedOrientation
 from ....records.framed import TANGENT
 from ..orientation.ascii_columns import line_form
 from ..orientation.exported import (
-    check_frame,
     check_names,
     comment_lines,
     frame_words,
@@ -76,11 +75,10 @@ def write_bentley(
     Raises
     ------
     UsageError
-        Another frame, a CRS without code, or a camera that is half given.
+        A CRS without code, or a camera that is half given.
     InputError
         Names with line ends.
     """
-    check_frame(eo, "bentley")
     check_names(eo.images, "\n")
     camera = FROM_EXIF
     optics = [x for x in (width_px, height_px, focal_px) if x is not None]

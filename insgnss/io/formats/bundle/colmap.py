@@ -30,7 +30,6 @@ from ....records.framed import GEOGRAPHIC
 from ..orientation.ascii_columns import numbers_of
 from ..orientation.exported import (
     UnfitName,
-    check_frame,
     check_names,
     comment_lines,
     new_directory,
@@ -104,7 +103,6 @@ def write_colmap(
     InputError
         Names with blanks, or a database that lacks an image or cannot be read.
     """
-    check_frame(eo, "colmap")
     notes: tuple[str, ...] = ()
     if database is None:
         check_names(eo.images, None)
@@ -283,7 +281,6 @@ def write_colmap_priors(
         The database lacks an image or cannot be read.
     """
     pycolmap = _pycolmap()
-    check_frame(eo, "colmap_priors")
     if eo.frame.kind == GEOGRAPHIC and shift is not None:
         raise UsageError("shift: latitude and longitude are not shifted; leave it out")
     models = None

@@ -18,7 +18,7 @@ from ....base.files import atomic_write
 from ....geodesy.gpstime import WEEK_S
 from ....records import FramedOrientation
 from ..orientation.ascii_columns import ROTATION_SENSES, Conventions, numbers_of, write_columns
-from ..orientation.exported import check_frame, check_names, comment_lines
+from ..orientation.exported import check_names, comment_lines
 from ..text.text import Source
 
 GPS_EPOCH_MS = np.datetime64("1980-01-06T00:00:00", "ms")
@@ -65,11 +65,10 @@ def write_inpho_prj(
     Raises
     ------
     UsageError
-        Another frame, or `focal_mm` or `ground_m` missing.
+        `focal_mm` or `ground_m` missing.
     InputError
         File names that agree but for their ending.
     """
-    check_frame(eo, "inpho_prj")
     if (
         focal_mm is None
         or ground_m is None
@@ -104,14 +103,11 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
 
     Raises
     ------
-    UsageError
-        Another frame.
     InputError
         Names with blanks or that agree but for their ending.
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "inpho_ascii")
     ids = photo_ids(eo.images)
     angles = (
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"

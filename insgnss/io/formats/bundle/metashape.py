@@ -35,7 +35,7 @@ from ....records import Array, FramedOrientation
 from ....records.cameras.mounting import metashape_offset
 from ....records.framed import GEOGRAPHIC
 from ..orientation.ascii_columns import write_columns
-from ..orientation.exported import check_frame, comment_lines, frame_words, one_line
+from ..orientation.exported import comment_lines, frame_words, one_line
 from ..text.text import Source
 
 
@@ -53,8 +53,6 @@ def write_metashape(eo: FramedOrientation, path: Source) -> None:
 
     Raises
     ------
-    UsageError
-        Another frame.
     InputError
         Names with commas.
     DataError
@@ -123,7 +121,6 @@ def _boresights(eo: FramedOrientation) -> Array:
 
 def _write(eo: FramedOrientation, path: Source, angles: str, names: tuple[str, ...]) -> None:
     """Write a reference with a group of angles, whose columns have these names."""
-    check_frame(eo, "metashape")
     position = ("X", "Y", "Z")
     if eo.frame.kind != GEOGRAPHIC:
         position = (f"Easting ({one_line(frame_words(eo))})", "Northing", "Height")

@@ -23,7 +23,6 @@ from ....records.block import Array
 from ..orientation.ascii_columns import write_columns
 from ..orientation.exported import (
     UnfitName,
-    check_frame,
     check_names,
     comment_lines,
     new_directory,
@@ -84,7 +83,6 @@ def write_micmac(eo: FramedOrientation, path: Source) -> None:
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "micmac")
     comment = comment_lines(
         eo,
         "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
@@ -115,7 +113,6 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     InputError
         Names that make no file name.
     """
-    check_frame(eo, "micmac_xml")
     check_names(eo.images, "/")
     unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
     if unfit is not None:

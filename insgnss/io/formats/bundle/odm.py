@@ -13,7 +13,7 @@ root mean square of the two horizontal standard deviations, and the vertical one
 from ....base.errors import UsageError
 from ....records import FramedOrientation
 from ..orientation.ascii_columns import write_columns
-from ..orientation.exported import check_frame, comment_lines
+from ..orientation.exported import comment_lines
 from ..text.text import Source
 
 
@@ -32,11 +32,10 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
     Raises
     ------
     UsageError
-        Another frame, or a CRS without code.
+        A CRS without code.
     InputError
         Names with blanks.
     """
-    check_frame(eo, "odm")
     code = "EPSG:4326" if eo.frame.crs == "EPSG:4979" else eo.frame.crs
     if not code.startswith("EPSG:"):
         raise UsageError(

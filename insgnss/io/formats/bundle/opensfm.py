@@ -18,7 +18,7 @@ from ....base.files import atomic_writes
 from ....base.output.staging import destination
 from ....records import FramedOrientation
 from ..orientation.ascii_columns import numbers_of
-from ..orientation.exported import check_frame, listed_rows
+from ..orientation.exported import listed_rows
 from ..text.text import Source
 
 REFERENCE = "reference_lla.json"
@@ -40,11 +40,10 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
     Raises
     ------
     UsageError
-        Another frame, or another reference_lla.json beside `path`.
+        Another reference_lla.json beside `path`.
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "opensfm")
     lat, lon, height = (float(x) for x in eo.frame.origin)
     reference = json.dumps(
         {

@@ -35,7 +35,7 @@ from ....base.errors import UsageError
 from ....base.files import atomic_write
 from ....records import Array, FramedOrientation, MapFrame
 from ..orientation.ascii_columns import numbers_of
-from ..orientation.exported import check_frame, listed_rows, new_directory, position_sigma
+from ..orientation.exported import listed_rows, new_directory, position_sigma
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
 from .camera import ColmapCamera, cameras_of
@@ -94,7 +94,6 @@ def write_opf(
         A frame that is not projected, whose CRS names northing first, or whose heights were scaled;
         a missing camera; a `path` with items of another project.
     """
-    check_frame(eo, "opf")
     definition, horizontal = crs_definition(eo.frame)
     of_cameras, number = eo.cameras
     sensors = [

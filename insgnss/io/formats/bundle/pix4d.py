@@ -14,7 +14,7 @@ axes. Where mapper expects accuracies behind angles is not documented, so they a
 from ....records import FramedOrientation
 from ....records.framed import PROJECTED
 from ..orientation.ascii_columns import write_columns
-from ..orientation.exported import check_frame, frame_words, one_line
+from ..orientation.exported import frame_words, one_line
 from ..text.text import Source
 
 
@@ -32,14 +32,11 @@ def write_pix4d_matic(eo: FramedOrientation, path: Source) -> None:
 
     Raises
     ------
-    UsageError
-        Another frame.
     InputError
         Names with commas.
     DataError
         Pitch is +-90 deg.
     """
-    check_frame(eo, "pix4d_matic")
     names = ["easting", "northing"] if eo.frame.kind == PROJECTED else ["longitude", "latitude"]
     plan = "x y"
     if eo.frame.northing_first:
@@ -57,5 +54,4 @@ def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
 
     The file has no accuracies and no header; digits and refusals are those of matic.
     """
-    check_frame(eo, "pix4d_mapper")
     write_columns(eo, path, "image xyz opk", ",")

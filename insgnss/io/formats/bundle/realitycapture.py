@@ -13,7 +13,7 @@ The log with accuracies has the standard deviations of the axes; correlations ha
 from ....records import FramedOrientation
 from ....records.framed import GEOGRAPHIC
 from ..orientation.ascii_columns import write_columns
-from ..orientation.exported import check_frame, comment_lines
+from ..orientation.exported import comment_lines
 from ..text.text import Source
 
 ANGLES_REMARK = (
@@ -36,14 +36,12 @@ def write_realitycapture(eo: FramedOrientation, path: Source) -> None:
 
     Raises
     ------
-    UsageError
-        Another frame.
     InputError
         Names with commas.
     DataError
         Pitch is +-90 deg.
     """
-    _write(eo, path, "realitycapture", accuracies=False)
+    _write(eo, path, accuracies=False)
 
 
 def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
@@ -51,11 +49,10 @@ def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
 
     They are those along x (east), y (north) and altitude in m, and of yaw, pitch, roll in deg.
     """
-    _write(eo, path, "realitycapture_accuracy", accuracies=True)
+    _write(eo, path, accuracies=True)
 
 
-def _write(eo: FramedOrientation, path: Source, name: str, accuracies: bool) -> None:
-    check_frame(eo, name)
+def _write(eo: FramedOrientation, path: Source, accuracies: bool) -> None:
     plan, plan_header = (
         ("y x", "latitude,longitude") if eo.frame.kind == GEOGRAPHIC else ("x y", "x,y")
     )

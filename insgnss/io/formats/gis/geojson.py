@@ -22,8 +22,9 @@ from ....base.files import atomic_write
 from ....base.units import METRE
 from ....records import Array, FramedOrientation
 from ....records.framed import PROJECTED
+from ..exports import check_frame
 from ..orientation.ascii_columns import Conventions, numbers_of
-from ..orientation.exported import check_choice, check_frame, listed_rows
+from ..orientation.exported import check_choice, listed_rows
 from ..orientation.poses import all_angles, local_covariance, sentences, utc
 from ..text.text import Source
 
@@ -58,7 +59,7 @@ def write_geojson(
     """
     check_choice("dialect", dialect, DIALECTS)
     if dialect == "orthority":
-        check_frame(eo, "geojson of orthority", PROJECTED)
+        check_frame(eo, "geojson of orthority", (PROJECTED,))
         if eo.frame.units != (METRE, METRE):
             raise UsageError(
                 f"geojson of orthority takes metres, {eo.frame.name} counts in"

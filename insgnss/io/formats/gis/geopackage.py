@@ -23,7 +23,7 @@ from ....base.output.staging import destination, staged
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
 from ....records.framed import TANGENT
-from ..orientation.exported import check_frame, places, position_sigma
+from ..orientation.exported import places, position_sigma
 from ..orientation.poses import all_angles, sentences, utc
 from ..text.text import Source
 
@@ -95,7 +95,6 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
     UsageError
         A geocentric frame, or a path that does not end in .gpkg.
     """
-    check_frame(eo, "geopackage")
     if not str(path).lower().endswith(".gpkg"):
         raise UsageError(f"{path}: a GeoPackage must be named .gpkg, such as --out eo.gpkg")
     coordinates = places(eo)

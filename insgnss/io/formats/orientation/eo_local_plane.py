@@ -17,7 +17,7 @@ from ....records import FramedOrientation
 from ..text.columns import Columns, TableOut, TableSpec
 from ..text.text import Source
 from .ascii_columns import numbers_of
-from .exported import check_frame, quoted_names
+from .exported import quoted_names
 
 Array = NDArray[np.float64]
 
@@ -68,14 +68,11 @@ def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
 
     Raises
     ------
-    UsageError
-        Another frame.
     InputError
         A name with a line end; others that would not stand for themselves are quoted.
     DataError
         phi is +-90 deg.
     """
-    check_frame(eo, "eo_local_plane")
     images = quoted_names(eo.images, None)
     table = numbers_of(eo, "xyz opk s_xyz s_opk")
     OUT.write(path, table, images, comments=comments(eo))

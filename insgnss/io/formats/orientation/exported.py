@@ -35,7 +35,6 @@ from ....geodesy.rotation import (
 )
 from ....records import FramedOrientation, MapFrame
 from ....records.framed import GEOGRAPHIC
-from ..exports import EXPORTS
 from ..text.layout import COMMENTS, NUMBER
 
 Array = NDArray[np.float64]
@@ -271,16 +270,6 @@ def check_choice(option: str, value: object, choices: Collection[str]) -> None:
     """Refuse a value of an option that is none of its choices, with UsageError."""
     if value not in choices:
         raise UsageError(f"{option} {value!r} is none of {', '.join(choices)}")
-
-
-def check_frame(eo: FramedOrientation, form: str, *kinds: str) -> None:
-    """Refuse a frame whose kind is none of `kinds`, by default those of the format."""
-    kinds = kinds or EXPORTS[form].frames
-    if eo.frame.kind not in kinds:
-        raise UsageError(
-            f"{form} cannot carry a {eo.frame.kind} frame ({eo.frame.name}); it takes"
-            f" {', '.join(kinds)}"
-        )
 
 
 def angle_sigma(

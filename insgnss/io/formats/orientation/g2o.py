@@ -35,7 +35,7 @@ from ....geodesy.rotation import skew
 from ....records import Array, FramedOrientation
 from ....records.relative import GAP_S
 from ..text.text import Source, format_rows
-from .exported import check_choice, check_frame, check_names, comment_lines
+from .exported import check_choice, check_names, comment_lines
 from .poses import inverse_covariance, positive
 from .tum import wxyz_last
 
@@ -73,7 +73,6 @@ def write_g2o(
     DataError
         A pair whose covariance has no inverse.
     """
-    check_frame(eo, "g2o")
     check_names(eo.images, "\n")
     check_choice("rotation", rotation, G2O_ROTATIONS)
     factor, description = G2O_ROTATIONS[rotation]

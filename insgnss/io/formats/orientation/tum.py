@@ -14,7 +14,7 @@ from ....base.files import atomic_write
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
 from ..text.text import Source, format_rows
-from .exported import check_choice, check_frame, comment_lines
+from .exported import check_choice, comment_lines
 from .poses import unix_seconds
 
 TUM_STAMPS = {
@@ -40,7 +40,6 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
     UsageError
         A frame that is not Cartesian, or another scale.
     """
-    check_frame(eo, "tum")
     check_choice("time", time, TUM_STAMPS)
     seconds = eo.time if time == "tow" else unix_seconds(eo)
     order = np.argsort(seconds, kind="stable")

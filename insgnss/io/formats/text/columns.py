@@ -129,8 +129,8 @@ class TableSpec:
         header = layout.header_fields or () if self.strict else ()
         beside = (self.ignored.get(normalised(name)[0], "") for name in header)
         ignored = " ".join(beside).split()
-        for k, label in enumerate(header):
-            name, unit = normalised(label)
+        for k, title in enumerate(header):
+            name, unit = normalised(title)
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
                 problem = f"is in {unit!r}, but must be in {units[0]}; convert it"
             elif k not in index.values() and columns is None and name not in ignored:
@@ -138,7 +138,7 @@ class TableSpec:
                 problem = f"is unknown; {near(name, self.names)}; {how}"
             else:
                 continue
-            raise InputError.at_line(path, layout.header_line, f"column {shown(label)} {problem}")
+            raise InputError.at_line(path, layout.header_line, f"column {shown(title)} {problem}")
         return index
 
     def _assigned(

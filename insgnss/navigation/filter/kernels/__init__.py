@@ -6,6 +6,7 @@ Mathematics, with the numbers of the equations that the kernels quote: `navigati
 ============== ===================================================================
 records        what kernels take and fill: intervals, epochs, models, scratch
 strapdown      the nominal state from one epoch to the next
+error_states   decay, mean, weight and biases of the states behind those of navigation
 error_model    transition and process noise of the errors over the same interval
 prediction     covariance, mean and columns of errors over the same interval
 antenna        innovation and derivative of a fix, position and velocity

@@ -6,7 +6,7 @@ from ....base.compilation import njit
 from ..codes import ABSENT, IMU0, N_KINDS, N_NAV
 from .copies import copy_matrix, copy_vector
 from .outage import gain_within, smooth_across
-from .update import is_scalar, remove_scalar, remove_triple, weigh
+from .update import is_scalar, take_off, weigh
 
 CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
 
@@ -162,3 +162,88 @@ def run_backward(event, history, full, state, begin, out):
             for r in range(n):
                 for c in range(n):
                     Lam[r, c] = A[r, c] + A[c, r]
+
+
+@njit(cache=True, allocates=False)
+def remove_scalar(Lam, h, k, s, used, g):
+    """Take Lambda of the smoother back across one update (B.3), in place.
+
+    Parameters
+    ----------
+    Lam : ndarray
+        (n, n) Lambda, changed in place.
+    h, k : ndarray
+        (j,) whitened derivative and (n,) gain.
+    s : float
+        Innovation variance.
+    used : int
+        Number of leading columns of h that may differ from zero.
+    g : ndarray
+        (n,) scratch.
+    """
+    n = Lam.shape[0]
+    g[:] = 0.0
+    for r in range(n):
+        t, row = k[r], Lam[r]
+        for c in range(n):
+            g[c] += t * row[c]
+    t = 1.0 / s
+    for r in range(n):
+        t += k[r] * g[r]
+    t *= 0.5
+    for r in range(used):
+        g[r] -= t * h[r]
+    for r in range(used):
+        t, row = h[r], Lam[r]
+        if t != 0.0:
+            for c in range(n):
+                row[c] -= t * g[c]
+    for c in range(used):
+        t = h[c]
+        if t != 0.0:
+            for r in range(n):
+                Lam[r, c] -= t * g[r]
+
+
+@njit(cache=True, allocates=False)
+def remove_triple(Lam, H, K, S, used, G):
+    """Take Lambda of the smoother back across three updates (B.3), in place, the last first.
+
+    Lambda - h g' - g h' + (1 / s + k' Lambda k) h h' with g = Lambda k, as a sum of two products of
+    h and g - t h; what the later ones do to the g of those before is as in `triple_update`.
+
+    Parameters
+    ----------
+    Lam : ndarray
+        (n, n) Lambda, changed in place.
+    H, K : ndarray
+        (3, k) whitened derivatives and (3, n) gains.
+    S : ndarray
+        (3,) innovation variances.
+    used : int
+        Number of leading columns of H that may differ from zero.
+    G : ndarray
+        (3, n) K Lambda; scratch afterwards.
+    """
+    n = Lam.shape[0]
+    for i in range(2, -1, -1):
+        h, k, g = H[i], K[i], G[i]
+        t = 1.0 / S[i]
+        for r in range(n):
+            t += g[r] * k[r]
+        t *= 0.5
+        for r in range(used):
+            g[r] -= t * h[r]
+        for j in range(i):
+            own, other = K[j], G[j]
+            a = b = 0.0
+            for r in range(n):
+                a += g[r] * own[r]
+            for r in range(used):
+                b += h[r] * own[r]
+            for r in range(n):
+                other[r] -= b * g[r]
+            for r in range(used):
+                other[r] -= a * h[r]
+    take_off(H, G, n, Lam)
+    take_off(G, H, used, Lam)

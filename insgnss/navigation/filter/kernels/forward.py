@@ -22,10 +22,9 @@ from .copies import copy_matrix, copy_vector
 from .error_model import (
     add_bias_step,
     add_gap_noise,
-    course_from,
     linearise,
-    set_decay,
 )
+from .error_states import course_from, set_decay
 from .measurements import measured_triple
 from .prediction import predict_covariance, propagate_mean
 from .records import make_interval_work, make_triple
