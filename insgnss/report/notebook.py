@@ -1,11 +1,14 @@
 """How results show themselves where code is tried out: their text, and their charts as a figure."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError, near
 from .charts.chart import Chart
 from .markup import escape
+
+if TYPE_CHECKING:
+    from .document import Document
 
 
 class Shown:
@@ -18,6 +21,18 @@ class Shown:
     def _repr_html_(self) -> str:
         """Return the text for a notebook."""
         return f"<pre>{escape(self.summary())}</pre>"
+
+
+class Documented(Shown):
+    """A result that makes a document, of which the terminal shows the text."""
+
+    def document(self) -> "Document":
+        """Return what the terminal and the page show of it."""
+        raise NotImplementedError
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        return self.document().text()
 
 
 class Charted(Shown):

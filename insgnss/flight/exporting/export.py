@@ -28,7 +28,7 @@ from ...navigation.orient.relative import gyro_figures, relative_control
 from ...records import Array, ExteriorOrientation, FramedOrientation
 from ...records.framed import FRAME_KINDS, GEOGRAPHIC, PROJECTED, TANGENT
 from ...records.relative import RelativeControl
-from .rename import names_file, other_names, renamed, write_names
+from .rename import other_names, renamed, write_names
 from .replacing import remove_stale
 
 OF_IMAGES = ("image_tags",)
@@ -132,7 +132,7 @@ def export(
         remove_stale(path, staging)
         if not names:
             return done
-        table = names_file(path)
+        table = path.with_name(f"{path.stem}_names.csv")
         write_names(names, table)
     old, new = next(iter(names.items()))
     note = (

@@ -133,11 +133,6 @@ def read_names(path: Path) -> dict[str, str]:
     return names
 
 
-def names_file(path: Path) -> Path:
-    """Return where the table of both names goes, beside an export."""
-    return path.with_name(f"{path.stem}_names.csv")
-
-
 def write_names(names: dict[str, str], path: Path) -> None:
     """Write the table of old and new names, which `read_names` reads back."""
     quoted = [['"' + name.replace('"', '""') + '"' for name in pair] for pair in names.items()]

@@ -130,7 +130,7 @@ def _imu(
     if "columns" in source.keys:
         draft.add("imu", "columns", source.keys["columns"], source.why["columns"])
     _units(draft, source, raw, recorded.recognition, units)
-    draft.add("imu", "axes", axes.words, axes.why, axes.sure)
+    draft.add("imu", "axes", axes.directions, axes.why, axes.sure)
     draft_noise(draft, sensing)
 
 

@@ -25,7 +25,7 @@ class AxesFound:
     `sure` is set where at least the vertical is certain, so that they are better than the default.
     """
 
-    words: str
+    directions: str
     why: str
     sure: bool
 

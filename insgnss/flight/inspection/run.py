@@ -360,7 +360,7 @@ def _inspection(recorded: Recorded) -> Inspection:
         classes = classes_apart(stamped)
         stamped = with_floors(stamped, {q: tuple(sigma) for q, (_, sigma, _) in classes.items()})
         of_motion = check_recording(
-            imu, parse_axes(axes.words), stamped, recorded.events, None, _forces(recognition)
+            imu, parse_axes(axes.directions), stamped, recorded.events, None, _forces(recognition)
         )
         checks += [*stamped.notes, *with_set_clock(of_motion, imu, stamped)]
         checks += assumed_rate(source)

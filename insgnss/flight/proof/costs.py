@@ -83,7 +83,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
 def residual(scene: Scene, C_mc: Array, centre: Array) -> float:
     """Median residual, px, of the points in the images, of cameras that stand otherwise."""
     distance = np.linalg.norm(project(C_mc, centre, scene.points) - scene.pixels, axis=2)[
-        scene.seen
+        scene.visible
     ]
     return float(np.median(np.where(np.isnan(distance), np.inf, distance)))
 
@@ -97,4 +97,4 @@ def of_the_grid(scene: Scene, projection: MapProjection, ground_m: float | None)
     residual = (
         project(eo.C_fc, eo.coordinates, projection.forward(*scene.geodetic.T)) - scene.pixels
     )
-    return float(np.linalg.norm(residual, axis=2)[scene.seen].max())
+    return float(np.linalg.norm(residual, axis=2)[scene.visible].max())

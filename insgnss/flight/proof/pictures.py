@@ -34,7 +34,8 @@ def write_pictures(scene: Scene, directory: Path) -> list[Path]:
     files = []
     for k, name in enumerate(scene.eo.images):
         picture = _ground(scene.eo.C_mc[k], scene.eo.position_m[k], spots)
-        for point, (x, y), visible in zip(scene.names, scene.pixels[k], scene.seen[k], strict=True):
+        drawn = zip(scene.names, scene.pixels[k], scene.visible[k], strict=True)
+        for point, (x, y), visible in drawn:
             if visible:
                 _cross(picture, x, y)
                 _write(picture, point, int(x) + ARM_PX + 4, int(y) + 5, POINT_LETTERS_PX)

@@ -98,7 +98,7 @@ def readme(
 ) -> str:
     """Text of README.txt; frame in words."""
     file = done.file.name
-    least = int(scene.seen.sum(axis=0).min())
+    least = int(scene.visible.sum(axis=0).min())
     parts = [
         f"Proof of the format {name}: {form.what}",
         (

@@ -68,14 +68,14 @@ class Scene:
     ----------
     points : (m, 3) m, in the tangent plane.
     pixels : (n, m, 2).
-    seen : (n, m), whether they lie in the image.
+    visible : (n, m), whether they lie in the image.
     """
 
     eo: ExteriorOrientation
     names: tuple[str, ...]
     points: Array
     pixels: Array
-    seen: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
 
     @property
     def plane(self) -> TangentPlane:

@@ -157,7 +157,7 @@ def _beside(
         )
     pixels = "".join(
         f"{image},{point},{x:.4f},{y:.4f}\n"
-        for image, row, visible in zip(scene.eo.images, scene.pixels, scene.seen, strict=True)
+        for image, row, visible in zip(scene.eo.images, scene.pixels, scene.visible, strict=True)
         for point, (x, y), in_image in zip(scene.names, row, visible, strict=True)
         if in_image
     )

@@ -23,7 +23,7 @@ from .bootstrap import Bootstrap
 from .estimates import Linearised
 from .gmwm import NoiseFit
 
-_ODD = 3.0  # standard deviations of a scale that misfits
+_MISFIT_SIGMAS = 3.0  # standard deviations of a scale that misfits
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def goodness_of_fit(
         (abs(z), i, int(j))
         for i, (c, r) in enumerate(zip(fitted.curves, residuals, strict=True))
         for j, z in zip(c.level, r, strict=True)
-        if abs(z) > _ODD
+        if abs(z) > _MISFIT_SIGMAS
     ]
     misfits = tuple((i, j) for _, i, j in sorted(beyond_limits, reverse=True))
     sentence = _misfit_sentence(

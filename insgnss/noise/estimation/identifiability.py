@@ -38,7 +38,7 @@ from .gmwm import NoiseFit, fit_alike
 
 LONGEST_SHARE = 1.0 / 3.0  # of the recording's length, for a correlation time
 SHORTEST_SHARE = 0.2  # of the sampling interval
-_SEEN = 1.96  # standard deviations
+_CLEAR_SIGMAS = 1.96  # standard deviations
 _SUPERFLUOUS = 5.991  # 95 % of chi-square of two degrees of freedom
 
 
@@ -223,10 +223,10 @@ def _too_weak(
             if math.isfinite(strength.high)
             else f", and the interval of its {kind} has no upper end"
         )
-    if (clear := _clearness(fitted, process, inverses)) < _SEEN:
+    if (clear := _clearness(fitted, process, inverses)) < _CLEAR_SIGMAS:
         return (
             f"its part of the wavelet variance is {clear:.2g} standard deviations over all scales,"
-            f" less than {_SEEN}"
+            f" less than {_CLEAR_SIGMAS}"
         )
     if strength.low == 0.0:
         return f"the interval of its {kind} reaches zero"

@@ -256,7 +256,7 @@ def _candidate(
     optimism = _drawn_optimism(fitted, drawn) if drawn else closed_optimism(fitted, linear)
     test = goodness_of_fit(fitted, linear)
     held_out = _held_out(fitted, groups) if np.unique(groups).size > 1 else None
-    remarks = [f"{_parameter_label(name)} at its edge" for name in fitted.at_bound]
+    remarks = [f"{name} at its edge".replace("_", " ") for name in fitted.at_bound]
     if test.p_value < _SIGNIFICANCE and test.misfits:
         i, level = test.misfits[0]
         scale_s = 2.0**level / curves[i].rate_hz
@@ -363,7 +363,3 @@ def _indistinguishable(candidate: CandidateModel, best: CandidateModel) -> bool:
         float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue)
         > _SIGNIFICANCE
     )
-
-
-def _parameter_label(name: str) -> str:
-    return name.replace("_", " ")

@@ -10,7 +10,7 @@ from ...base.files import json_ready, picked
 from ...navigation.noise_model.model import NoiseModel
 from ...report.charts.chart import Chart
 from ...report.document import Document, Section, Table, checked
-from ...report.notebook import Shown
+from ...report.notebook import Documented
 from ...report.verdict import Verdict, worst_of
 from ..estimation.gmwm import NoiseFit
 from ..estimation.goodness import p_text
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class TuneResult(Shown):
+class TuneResult(Documented):
     """All fits, the recordings they rest on, and the noise model, None where a sensor is missing;
     `files` that were written.
     """
@@ -103,10 +103,6 @@ class TuneResult(Shown):
         if self.model is None:
             doubtful.append("no noise model was written: a sensor or an axis is missing")
         return worst_of(good, doubtful)
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""

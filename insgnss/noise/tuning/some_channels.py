@@ -20,7 +20,7 @@ from ...io.formats.imu.imu_csv import ACCEL, GYRO, SPEC, with_required
 from ...io.formats.names import TIME
 from ...io.formats.read_options import ReadOptions
 from ...io.formats.text.headers import kinds_like, names_of, unit_in
-from ...records import Array, ImuSamples
+from ...records import ImuSamples
 from .options import TuneOptions
 
 CHANNEL_COLUMNS = (*GYRO, *ACCEL)
@@ -137,7 +137,7 @@ def read_some(
     if form in LOADERS:
         columns = take_columns(path, load_content(form, path), dict(fields), options.variable)
     else:
-        columns = _of_text(path, fields)
+        columns = with_required(tuple(fields)).read(path, fields).numbers()
     size = next(iter(columns.values())).size
     whole = {name: columns.get(name, np.ones(size)) for name in CHANNEL_COLUMNS}
     whole |= {name: columns[name] for name in ("tow",) if name in columns}
@@ -152,10 +152,6 @@ def read_some(
         if not present:
             triads[:, k] = STAND_IN[k]
     return replace(imu, gyro=triads[:, :3], accel=triads[:, 3:]), is_present
-
-
-def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
-    return with_required(tuple(fields)).read(path, fields).numbers()
 
 
 def no_unit(path: Path, sensor: str, of: str, example: str) -> UsageError:

@@ -30,7 +30,7 @@ from ...records.block import BrownCamera, GroundPoints, ImageBlock, ImageObserva
 from ...report.charts.chart import Chart
 from ...report.document import Document, Section, write_with_page
 from ...report.figures.block import precision_map
-from ...report.notebook import Shown
+from ...report.notebook import Documented
 from ...report.rules.wording import lengths, screen_unit
 from ...report.verdict import worst_of
 from ...simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
@@ -55,7 +55,7 @@ FLAT = Terrain(0.0, np.zeros(1), np.zeros((2, 1)), np.zeros(1))  # one wave with
 
 
 @dataclass(frozen=True, eq=False)
-class Plan(Shown):
+class Plan(Documented):
     """What a block is expected to determine.
 
     Parameters
@@ -94,10 +94,6 @@ class Plan(Shown):
             input_files(self.solved),
             files=self.files,
         )
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        return self.document().text()
 
     def _precision(self) -> Iterator[str]:
         """Say how well object points and check points will be known."""

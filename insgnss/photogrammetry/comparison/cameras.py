@@ -24,6 +24,7 @@ from ...io.formats.returned.cameras import read_cameras, recognised_camera
 from ...records.block import INTERIOR, BrownCamera
 from ...records.cameras.camera import equidistant, pixels_of, rays_of
 from ...report.document import Document, Section, Table
+from ...report.notebook import Documented
 from ...report.verdict import worst_of
 
 GRID = 25  # points along each side of the image
@@ -74,7 +75,7 @@ class PixelDifference:
 
 
 @dataclass(frozen=True, eq=False)
-class CameraReport:
+class CameraReport(Documented):
     """One or two files of cameras, and what differs.
 
     Parameters
@@ -139,10 +140,6 @@ class CameraReport:
         files = [file.path for file in self.files]
         title = " and ".join(path.name for path in files)
         return Document(f"{title}: cameras", head, verdict, tuple(sections), files)
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; pixels and degrees."""

@@ -13,7 +13,7 @@ import numpy as np
 from ...base.files import picked
 from ...records import Array
 from ...report.document import Document, Section, Table
-from ...report.notebook import Charted
+from ...report.notebook import Charted, Documented
 from ...report.verdict import Verdict, worst_of
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ class AdjustedDifferences:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Charted):
+class Comparison(Charted, Documented):
     """Differences b minus a, in the axes east, north, up at a's points.
 
     Parameters
@@ -280,10 +280,6 @@ class Comparison(Charted):
         )
         remarks = [mismatch] if names else [larger] if wide else []
         return worst_of(NO_MISMATCH, remarks + [n for n in self.notes if UNTRANSFORMED in n])
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""

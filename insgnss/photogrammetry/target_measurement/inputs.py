@@ -33,10 +33,10 @@ class TargetInputs:
         The camera of all images.
     ground : GroundTable
         Ground points in the tangent plane.
-    given : GroundTable
+    surveyed : GroundTable
         The same as their file has them.
     crs : str or None
-        CRS of `given`; None of the tangent plane.
+        CRS of `surveyed`; None of the tangent plane.
     predictions : Predictions
         Pixels of all points in all images, with what was asked to be added to their covariance.
     notes : tuple of str
@@ -49,7 +49,7 @@ class TargetInputs:
     eo: ExteriorOrientation
     camera: BrownCamera
     ground: GroundTable
-    given: GroundTable
+    surveyed: GroundTable
     crs: str | None
     predictions: Predictions
     notes: tuple[str, ...]

@@ -214,7 +214,7 @@ def _in_crs(inputs: TargetInputs, plane: TangentPlane) -> tuple[GroundTable, str
     """
     crs = inputs.crs
     if crs is not None and re.fullmatch(r"EPSG:\d+", crs) and inputs.request.geoid is None:
-        return inputs.given.metric(GroundAxes(crs)), crs
+        return inputs.surveyed.metric(GroundAxes(crs)), crs
     datum = inputs.eo.datum or GEOGRAPHIC_CRS
     lat, lon, h = plane.geodetic_from_position(inputs.ground.position_m)
     position = np.column_stack([np.degrees(lon), np.degrees(lat), h])

@@ -20,7 +20,7 @@ from ...base.provenance import (
 from ...base.wording import some
 from ...flight.processing.progress import quiet
 from ...report.document import Document, Section, write_json
-from ...report.notebook import Shown
+from ...report.notebook import Documented
 from ...report.verdict import worst_of
 from .inputs import TargetInputs, inputs_of
 from .photographs import Photographs, photographs_in
@@ -43,7 +43,7 @@ JUDGED = 5
 
 
 @dataclass(frozen=True, eq=False)
-class PredictionResult(Shown):
+class PredictionResult(Documented):
     """Where ground points are expected.
 
     Parameters
@@ -69,10 +69,6 @@ class PredictionResult(Shown):
             (Section("Notes", self.figures["notes"]),),
             files=self.files,
         )
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""

@@ -111,7 +111,8 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
             " at the first image; dots on no line stand alone."
         )
     if points:
-        usual = float(np.quantile(np.linalg.norm(np.vstack([p.off for p in points]), axis=1), 0.9))
+        offsets = np.vstack([p.offset_m for p in points])
+        usual = float(np.quantile(np.linalg.norm(offsets, axis=1), 0.9))
         low, high = X[:, :2].min(axis=0), X[:, :2].max(axis=0)
         size = 1.5 * float((high - low).max()) + 40.0
         factor = SHARE * size / max(usual, 1e-9)
@@ -133,17 +134,17 @@ class _SurveyedPoints:
     kind: str
     names: Sequence[str]
     position: Array
-    off: Array
+    offset_m: Array
     ink: Ink
     mark: Mark
 
     def layers(self, factor: float, above: float) -> Iterator[Layer]:
         """Yield marks, arrows that are so many times enlarged, and names so many m above."""
         x, y = self.position[:, 0], self.position[:, 1]
-        east, north, up = (factor * self.off).T
+        east, north, up = (factor * self.offset_m).T
         texts = [
-            f"{name}: " + " / ".join(f"{1e3 * value:+.1f}" for value in off) + " mm E N U"
-            for name, off in zip(self.names, self.off, strict=True)
+            f"{name}: " + " / ".join(f"{1e3 * value:+.1f}" for value in offset) + " mm E N U"
+            for name, offset in zip(self.names, self.offset_m, strict=True)
         ]
         yield Layer("points", x, y, self.kind, self.ink, mark=self.mark, texts=texts, width=8.0)
         yield Layer("arrows", x, y, ink=self.ink, x2=x + east, y2=y + north)

@@ -23,7 +23,7 @@ from .names import ACCEL, GYRO, Roles, UnknownTable, squashed
 TRIAD_COLUMNS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
 IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
 TRIAD_NAMES: dict[Role, str] = {"gyro": "gyros", "accel": "accelerometers"}
-OTHER: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
+LACKS: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
 TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
 # scatter of the size of a force, in its median: of gravity, of an estimate
 HALF_SCATTER, EXACT_SHARE = 0.5, 1e-5
@@ -135,7 +135,7 @@ def of_two_halves(
     if not gyros or not accels:
         raise InputError.in_file(
             sensors[0].path,
-            f"{sensors[0].what}: no {OTHER[sensors[0].role]} beside them; give the file of these as"
+            f"{sensors[0].what}: no {LACKS[sensors[0].role]} beside them; give the file of these as"
             " well, put both into one table, or call them gx gy gz and ax ay az",
         )
     gyro, accel = (_calibrated(sources) for sources in (gyros, accels))

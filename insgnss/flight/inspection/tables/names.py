@@ -84,7 +84,7 @@ GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 class Roles:
     """Columns by canonical name, the clocks that may stamp them, units, and the reason.
 
-    A clock is a column and its unit. `left` gives, for columns of known names that are left out,
+    A clock is a column and its unit. `unread` gives, for columns of known names that are left out,
     the name and the reason.
     """
 
@@ -94,7 +94,7 @@ class Roles:
     units: dict[str, str] = field(default_factory=dict)
     repeat_column: int | None = None
     how: str = "by the names of its columns"
-    left: dict[int, str] = field(default_factory=dict)
+    unread: dict[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -217,7 +217,7 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
     reasons = {named[role]: f"{role}: {why}" for role, why in unnamed.items() if role in named}
-    return Roles(columns, ticks, week_column(grid), units, repeat_column, left=reasons)
+    return Roles(columns, ticks, week_column(grid), units, repeat_column, unread=reasons)
 
 
 def _repeat_column(

@@ -139,7 +139,7 @@ def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, .
         first, *further = roles.clocks or (None,)
         used |= date if first in date else set()
         used |= {*roles.columns.values(), first, roles.week, roles.repeat_column}
-        reasons |= dict.fromkeys(further, "another clock") | roles.left
+        reasons |= dict.fromkeys(further, "another clock") | roles.unread
     texts = []
     for k in range(len(grid.names)):
         if k in used:

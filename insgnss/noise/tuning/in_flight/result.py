@@ -11,7 +11,7 @@ from ....base.files import json_ready, picked
 from ....navigation.noise_model.model import NoiseModel
 from ....report.charts.chart import Chart
 from ....report.document import Document, Section, Table
-from ....report.notebook import Shown
+from ....report.notebook import Documented
 from ....report.verdict import worst_of
 from .words import TUNED, remarks_on, spectrum_parts, white_noise_of, whiteness_rows
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FlightTuning(Shown):
+class FlightTuning(Documented):
     """What a flight says of its noise. accepted : whether the static model gives way.
     reasons : of that, sentence by sentence.
 
@@ -130,10 +130,6 @@ class FlightTuning(Shown):
             files=self.files,
             next=f"to use it: {use} (a path relative to the flight file)" if use else "",
         )
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        return self.document().text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return a JSON-able document."""

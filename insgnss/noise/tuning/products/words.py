@@ -130,14 +130,11 @@ def misfit(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
         f" {span_text([s for _, s, _ in large])}"
     )
     size = f"{abs(worst):.1%} too {'high' if worst > 0.0 else 'low'}"
-    amount = f"its deviation is {size} at {where}, off by {_median(large)} in the median of these"
+    median = float(np.median([abs(misfit) for misfit, _, _ in large]))
+    amount = f"its deviation is {size} at {where}, off by {median:.1%} in the median of these"
     yield f"{t.kept.composition} does not fit ({tested}): {which}; {amount}"
     if t.how and not t.efficient:
         yield t.how
-
-
-def _median(deviations: Sequence[tuple[float, float, int]]) -> str:
-    return f"{float(np.median([abs(x) for x, _, _ in deviations])):.1%}"
 
 
 def span_text(scales: Sequence[float]) -> str:
