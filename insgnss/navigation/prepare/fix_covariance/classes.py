@@ -101,9 +101,9 @@ filter that takes many must estimate that part as a Gauss-Markov process (`gnss.
 flight file). In sigmas that RTKLIB claims, errors of standing antennas are (total, white by
 differences of neighbours; horizontal / down):
 
-    1 m, 301 epochs at 1 Hz *          0.22, 0.16 / 0.21, 0.18    0.34 left after 10 s, 0.07 after 60
-    5.2 km, 51 epochs at 1 Hz *        0.16, 0.15 / 0.71, 0.39    0.16 after 10 s
-    GEONET, 105 epochs of 30 s **      0.68, 0.46 / 0.61, 0.41    0.52 after 30 s, 0.27 after 120
+    1 m, 301 epochs at 1 Hz *        0.22, 0.16 / 0.21, 0.18    0.34 left after 10, 0.07 after 60 s
+    5.2 km, 51 epochs at 1 Hz *      0.16, 0.15 / 0.71, 0.39    0.16 after 10 s
+    GEONET, 105 epochs of 30 s **    0.68, 0.46 / 0.61, 0.41    0.52 after 30 s, 0.27 after 120
 
 (* against the published truth; ** about their own median.) That is a lasting share of 0.1 to 0.6,
 too few recordings for a class by baseline; what is carried a priori where a flight shows such an
