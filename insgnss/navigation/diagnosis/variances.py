@@ -96,7 +96,7 @@ NARROW_BELOW = 0.7
 # correlation times (s) and shares, in sigmas, of errors that would look like smaller sigmas: of a
 # receiver's filter, of multipath (`SLOW_S`), of what Doppler shares with the ionosphere; and how
 # many of the times a flight has to determine
-LASTING_S, LASTING_SHARES, FEWEST_TIMES = (1.0, 5.0, 20.0, 60.0, 120.0), (0.25, 0.5), 3
+HIDDEN_S, HIDDEN_SHARES, FEWEST_TIMES = (1.0, 5.0, 20.0, 60.0, 120.0), (0.25, 0.5), 3
 EXCLUDED = 6.0  # loss in -2 log L that excludes an error, by odds of 20 to 1
 LARGEST_STEP = 0.5  # of the logarithm of a share, from the same c^2 / T to its best
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
@@ -129,8 +129,8 @@ class VarianceHypothesis:
 
         Sigmas are lowered where they are `narrowed` alone: otherwise the user may have reasons.
         """
-        known = {name: self.factors.get(name, 1.0) for name in FAMILIES["GNSS sigmas"]}
-        return {name: k if name in self.narrowed else max(1.0, k) for name, k in known.items()}
+        stated = {name: self.factors.get(name, 1.0) for name in FAMILIES["GNSS sigmas"]}
+        return {name: k if name in self.narrowed else max(1.0, k) for name, k in stated.items()}
 
 
 class VarianceSearch:
@@ -207,8 +207,8 @@ class VarianceSearch:
         """Tell which fixes are as much better than they claim as their innovations.
 
         Small innovations may be of an error that lasts. With k the white share, errors of the
-        shares `LASTING_SHARES` and of all that k leaves of the claim, sqrt(1 - k^2), over each of
-        `LASTING_S` that the flight determines, stand beside none: none of them may gain, and the
+        shares `HIDDEN_SHARES` and of all that k leaves of the claim, sqrt(1 - k^2), over each of
+        `HIDDEN_S` that the flight determines, stand beside none: none of them may gain, and the
         last ones are to be excluded.
 
         Parameters
@@ -228,13 +228,13 @@ class VarianceSearch:
         factor = {name: winner.factors.get(name, 1.0) for name in FAMILIES["GNSS sigmas"]}
         k, v = (one if one < NARROW_BELOW else max(1.0, one) for one in factor.values())
         white = with_larger_white_share(errors, k, v)
-        lasting = {"fixes.position": errors.gm_sigma is None, "fixes.velocity": v < 1.0}
-        lasting["fixes.velocity"] &= errors.velocity_gm_sigma_mps is None
+        may_hide = {"fixes.position": errors.gm_sigma is None, "fixes.velocity": v < 1.0}
+        may_hide["fixes.velocity"] &= errors.velocity_gm_sigma_mps is None
         return replace(
             winner,
             narrowed=tuple(
                 name
-                for name, possible in lasting.items()
+                for name, possible in may_hide.items()
                 if possible
                 and factor[name] < NARROW_BELOW
                 and not self._lasts(name, factor[name], layout_factory, white)
@@ -248,7 +248,7 @@ class VarianceSearch:
         def cost(errors: FixErrors) -> float:
             return evaluate([_linearised(self.part, layout_factory(errors))], np.zeros(0)).cost
 
-        def with_lasting(share: float, time_s: float) -> FixErrors:
+        def with_hidden(share: float, time_s: float) -> FixErrors:
             if name == "fixes.position":
                 return replace(white, gm_sigma=(share,) * 3, correlation_time_s=time_s)
             variance = np.diagonal(epochs.velocity_cov[epochs.has_velocity], axis1=1, axis2=2)
@@ -258,11 +258,11 @@ class VarianceSearch:
             )
 
         determined_s = float(epochs.time[-1] - epochs.time[0]) / LEAST_SPAN
-        times = [time_s for time_s in LASTING_S if time_s <= determined_s]
+        times = [time_s for time_s in HIDDEN_S if time_s <= determined_s]
         least, claim = cost(white), float(np.sqrt(1.0 - k**2))
-        limits = {claim: -EXCLUDED, **dict.fromkeys(LASTING_SHARES, LEAST_AVERAGED)}
+        limits = {claim: -EXCLUDED, **dict.fromkeys(HIDDEN_SHARES, LEAST_AVERAGED)}
         return len(times) < FEWEST_TIMES or any(
-            least - cost(with_lasting(share, time_s)) > limit
+            least - cost(with_hidden(share, time_s)) > limit
             for time_s in times
             for share, limit in limits.items()
         )

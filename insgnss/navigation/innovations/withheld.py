@@ -31,7 +31,7 @@ PIECE_S = 10.0  # of a piece by which sigmas are judged: a MEMS IMU holds decime
 # mean normalised square of withheld fixes: chi-square of six pieces of three axes reaches it in one
 # flight of a thousand
 MOST_SQUARE = 2.0
-MOST_PIECES = 6
+MOST_PIECES = 6  # that are withheld at once (chosen)
 SHARE = 0.25  # of the time, at most, that is withheld at once
 
 
@@ -122,21 +122,21 @@ def predicts(
         too short, or has no solution without them.
     """
     try:
-        found = withheld_pieces(solution, lambda problem: align(problem)[0], PIECE_S)
+        pieces = withheld_pieces(solution, lambda problem: align(problem)[0], PIECE_S)
     except DataError:
         return False
-    return found is not None and bool(found.of_pieces.mean() < MOST_SQUARE)
+    return pieces is not None and bool(pieces.of_pieces.mean() < MOST_SQUARE)
 
 
 def _pieces(solution: Solution, length_s: float) -> np.ndarray:
     """Return for each epoch the number of the piece that its fix belongs to, from 1; else 0."""
-    time, there = solution.time, solution.problem.epochs.has_position
-    first, last = time[there][[0, -1]]
+    time, measured = solution.time, solution.problem.epochs.has_position
+    first, last = time[measured][[0, -1]]
     count = min(MOST_PIECES, int(SHARE * (last - first) / length_s))
     number = np.zeros(time.size, dtype=np.int64)
     for k in range(count):
         middle = first + (last - first) * (k + 0.5) / count
-        number[there & (np.abs(time - middle) <= 0.5 * length_s)] = k + 1
+        number[measured & (np.abs(time - middle) <= 0.5 * length_s)] = k + 1
     return number
 
 
@@ -146,10 +146,10 @@ def _without(
     """Solve a segment again without the fixes of some epochs."""
     problem = solution.problem
     epochs = problem.epochs
-    given = epochs._replace(has_velocity=epochs.has_velocity & ~pieces)
-    missing = given._replace(has_position=epochs.has_position & ~pieces)
+    kept = epochs._replace(has_velocity=epochs.has_velocity & ~pieces)
+    missing = kept._replace(has_position=epochs.has_position & ~pieces)
     start = align(replace(problem, epochs=missing))
-    withheld = given._replace(withheld=epochs.withheld | pieces)
+    withheld = kept._replace(withheld=epochs.withheld | pieces)
     return solve(replace(problem, epochs=withheld), start, separations=0, about=solution)
 
 

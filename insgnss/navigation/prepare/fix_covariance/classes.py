@@ -99,11 +99,11 @@ that second solution had a wrong one.
 Errors of fixed epochs are time-correlated (0.3 to 0.8 over 10 s): (V.1) is of one epoch, and a
 filter that takes many must estimate that part as a Gauss-Markov process (`gnss.gm_sigma` of the
 flight file). In sigmas that RTKLIB claims, errors of standing antennas are (total, white by
-differences of neighbours; horizontal / down; left of it):
+differences of neighbours; horizontal / down):
 
-    1 m, 301 epochs at 1 Hz *          0.22, 0.16 / 0.21, 0.18    0.34 after 10 s, 0.07 after 60
-    5.2 km, 51 epochs at 1 Hz *        0.16, 0.15 / 0.71, 0.39    0.16 after 10 s
-    GEONET, 105 epochs of 30 s **      0.68, 0.46 / 0.61, 0.41    0.52 after 30 s, 0.27 after 120
+    1 m, 301 epochs at 1 Hz *        0.22, 0.16 / 0.21, 0.18    0.34 left after 10, 0.07 after 60 s
+    5.2 km, 51 epochs at 1 Hz *      0.16, 0.15 / 0.71, 0.39    0.16 after 10 s
+    GEONET, 105 epochs of 30 s **    0.68, 0.46 / 0.61, 0.41    0.52 after 30 s, 0.27 after 120
 
 (* against the published truth; ** about their own median.) That is a lasting share of 0.1 to 0.6,
 too few recordings for a class by baseline; what is carried a priori where a flight shows such an
@@ -461,11 +461,11 @@ def _note(
     validated = int(fixed.sum() - rejected.sum())
     finding = f"{validated} of {int(fixed.sum())} fixed epochs are validated"
     counts = {
-        "where forward and backward runs contradict each other": rejected & apart,
-        "as outliers from the path": rejected & outlier & ~apart,
+        "because forward and backward runs contradict each other": rejected & apart,
+        "because they are outliers from the path": rejected & outlier & ~apart,
         "as short spans that only one run has fixed, within minutes that are not fixed": rejected
         & island,
-        f"for fewer than {model.least_satellites} satellites or where fewer than"
+        f"for fewer than {model.least_satellites} satellites or because fewer than"
         f" {100 * model.support_share:.0f} % of the epochs around them are fixed": (
             rejected & ~apart & ~outlier & ~island
         ),
@@ -473,7 +473,7 @@ def _note(
     reasons = ", ".join(f"{int(which.sum())} {why}" for why, which in counts.items() if which.any())
     advice = []
     if reasons:
-        finding += f"; not validated: {reasons}"
+        finding += f"; not {reasons}"
         advice.append(
             "epochs that are not validated are taken as float, with suitable standard deviations"
         )
