@@ -111,7 +111,7 @@ class ArchiveResult:
             for path in self.orphans
         ]
         lines += [
-            f"{relative(path, self.directory)}: a flight without results; insgnss process it"
+            f"{relative(path, self.directory)}: no results yet; run insgnss process on it"
             for path in self.unprocessed
         ]
         good = sum(not run.problems for run in self.runs)

@@ -181,8 +181,8 @@ class AdjustmentTable(Checked, table="adjustment"):
     )
     write_anyway: bool = option(
         False,
-        "write an orientation that observations contradict too much, into contradicted/; the exit "
-        "code stays 4",
+        "where the observations contradict the orientation, write it all the same, into"
+        " contradicted/; the exit code stays 4",
         cli="--write-anyway",
     )
     accept: tuple[str, ...] = option(

@@ -50,7 +50,7 @@ def with_numbering_note(events: CameraEvents) -> CameraEvents:
     ]
     more = f" and {skipped.size - MOST_NAMED_PAIRS} more" if skipped.size > MOST_NAMED_PAIRS else ""
     note = Question("images", "numbers and times with the same gaps").note(
-        f"a number is missing between {', '.join(places)}{more}, the usual time between two images",
+        f"a number is missing between {', '.join(places)}{more}, but by the time no exposure is",
         "check names and stamps there: if another row lost its stamp, all images between the two"
         " rows have the stamp of their neighbour",
     )

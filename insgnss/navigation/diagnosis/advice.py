@@ -334,7 +334,7 @@ def _lever_arm(
             " nothing else in a flight shows a wrong one;"
         )
         advised = joined((first, advised), " else ")
-    stated = f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off"
+    stated = f"the flight file's{', stated as exact' * exact}, within {NEGLIGIBLE_M:g} m"
     another = "another one explains the innovations, " * exact
     finding = f"{another}the vector from the IMU to the antenna is off by {estimate} m{by}"
     return Question(LEVER_ARM, stated).against(finding, advised, contradicts)

@@ -142,5 +142,7 @@ def test_a_flight_without_results_is_named(archive: Path) -> None:
     (archive / "f06" / "flight.toml").write_text('name = "f06"')
     result = examined(archive)
     assert result.unprocessed == (archive / "f06" / "flight.toml",)
-    assert "f06/flight.toml: a flight without results" in result.summary().replace("\\", "/")
+    assert "f06/flight.toml: no results yet; run insgnss process" in result.summary().replace(
+        "\\", "/"
+    )
     assert result.as_dict()["unprocessed"] == [str(archive / "f06" / "flight.toml")]
