@@ -84,8 +84,8 @@ def read_gcp_list(
         position = (x, y, z)
         unnamed = name_by_place.setdefault(position, f"GCP{len(name_by_place) + 1}")
         name = fields[6] if len(fields) > 6 else unnamed
-        before, known = place_by_name.setdefault(name, (line, position))
-        if known != position:
+        before, stated = place_by_name.setdefault(name, (line, position))
+        if stated != position:
             raise InputError.at_line(
                 path,
                 line,
@@ -103,7 +103,7 @@ def read_gcp_list(
     n = len(points)
     ground = GroundTable(
         points,
-        np.array([known for _, known in place_by_name.values()]),
+        np.array([stated for _, known in place_by_name.values()]),
         np.tile(np.diag(np.square(sigma_m)), (n, 1, 1)),
         np.zeros(n, dtype=bool),
     )

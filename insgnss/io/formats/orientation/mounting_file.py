@@ -405,8 +405,8 @@ def _values(table: OptionTable, camera_from_body: ArrayLike) -> dict[str, Any]:
         raise table.error("boresight_deg", "boresight is given as well; keep one of them")
     named = table.table("boresight_deg")
     if len(named.data) != 1:
-        known = ", ".join(ANGLE_SETS)
-        problem = f"name one angle set, such as {{ opk = [..] }}; known are {known}"
+        choices = ", ".join(ANGLE_SETS)
+        problem = f"name one angle set, such as {{ opk = [..] }}; known are {choices}"
         raise table.error("boresight_deg", problem)
     (angle_set,) = named.data
     turn = fields.get("camera_from_body", camera_from_body)
