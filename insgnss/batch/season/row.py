@@ -196,8 +196,8 @@ def boresight_of(flight: Flight) -> Row:
     angles = np.degrees(opk_from_rotation(flight.mounting.boresight))
     row: Row = {f"boresight_{a}_deg": float(v) for a, v in zip("xyz", angles, strict=True)}
     for source in reversed(flight.mounting_files):
-        if source.calibrated.boresight is not None and source.calibrated.boresight_cov is not None:
-            sigma = np.degrees(np.sqrt(np.diag(source.calibrated.boresight_cov)))
+        if source.made.boresight is not None and source.made.boresight_cov is not None:
+            sigma = np.degrees(np.sqrt(np.diag(source.made.boresight_cov)))
             row |= {f"boresight_{a}_sigma_deg": float(s) for a, s in zip("xyz", sigma, strict=True)}
             break
     return row

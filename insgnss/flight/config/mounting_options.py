@@ -80,11 +80,11 @@ class MountingSource:
         What was taken.
     max_age_days : float
         Days between flight and calibration above which the report tells of them.
-    calibrated : MountingFile
+    made : MountingFile
         What the file holds.
     """
 
     file: Path
     keys: tuple[str, ...]
     max_age_days: float
-    calibrated: "MountingFile"
+    made: "MountingFile"

@@ -347,7 +347,7 @@ def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Find
 
 
 def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> Finding:
-    file, notes = source.calibrated, []
+    file, notes = source.made, []
     if file.date:
         days = (day - date.fromisoformat(file.date)).days
         if abs(days) > source.max_age_days:

@@ -98,6 +98,7 @@ NARROW_BELOW = 0.7
 # many of the times a flight has to determine
 HIDDEN_S, HIDDEN_SHARES, FEWEST_TIMES = (1.0, 5.0, 20.0, 60.0, 120.0), (0.25, 0.5), 3
 EXCLUDED = 6.0  # loss in -2 log L that excludes an error, by odds of 20 to 1
+LEAST_AVERAGED_S = 3.0  # correlation time (s): shorter ones are of a receiver's filter (1 to 2 s)
 LARGEST_STEP = 0.5  # of the logarithm of a share, from the same c^2 / T to its best
 ONE_START = (0.0,)  # of the logarithms of the IMU's factors
 
@@ -298,7 +299,7 @@ class VarianceSearch:
         if time[-1] - time[0] < LEAST_SPAN * time_s or gains(time_s, (share,))[SLOW_FIRST] < least:
             return None
         every = {key: gain for T in SLOW_S for key, gain in gains(T, tuple(SHARES)).items()}
-        return with_time_correlated_error(errors, 1.0, *_averaged(every))
+        return with_time_correlated_error(errors, 1.0, *_averaged(every, SHARES, SLOW_S))
 
     def averaged(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors:
         """Average a time-correlated error over the correlation times of the same c^2 / T (V.3).
@@ -317,12 +318,14 @@ class VarianceSearch:
         -------
         FixErrors
             The same with other share and correlation time; itself where code solutions state errors
-            that last.
+            that last, and for errors of a receiver's filter, which innovations do tell.
         """
         code = only_code_fixes(self.part.problem)
         if errors.gm_sigma is None or (code and not beyond_claim(errors)):
             return errors
         first, first_s = errors.gm_sigma[0], errors.correlation_time_s
+        if first_s < LEAST_AVERAGED_S:
+            return errors
 
         def moved(share: float, time_s: float) -> FixErrors:
             sigma = tuple(share / first * one for one in errors.gm_sigma or ())
@@ -395,10 +398,16 @@ class VarianceSearch:
         return np.array([name in self.families[family] for name in self.names])
 
 
-def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
-    """Average share and correlation time (V.3) over their gains in -2 log L."""
+def _averaged(
+    gains: dict[tuple[float, float], float],
+    shares: dict[float, float] = EVERY_SHARE,
+    times: dict[float, float] = EVERY_S,
+) -> tuple[float, float]:
+    """Average share and correlation time (V.3) over their gains in -2 log L and the odds a priori
+    of both.
+    """
     share, time_s = np.array(list(gains)).T
-    prior = _prior(share, EVERY_SHARE) * _prior(time_s, EVERY_S)
+    prior = _prior(share, shares) * _prior(time_s, times)
     half_gain = 0.5 * np.array(list(gains.values()))
     largest = max(0.0, float(half_gain.max()))
     likelihood = prior * np.exp(half_gain - largest)

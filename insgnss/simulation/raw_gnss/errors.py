@@ -84,11 +84,13 @@ class Locks:
     held : (n, s, 2).
     cycles : (n, s, 2) integers to be added to the phase.
     report : (n, s, 2) loss of lock reported.
+    slips : (n, s, 2) cycles of the slips, zero where there is none.
     """
 
     held: Flags
     cycles: Index
     report: Flags
+    slips: Index
 
 
 def clock(
@@ -154,4 +156,4 @@ def track(
     report = fresh.copy()
     report[0] = False
     report[slipped] |= (bands == 1) & (slip.random(count) < tracking.reported_share)[:, None]
-    return Locks(held, np.cumsum(jump, axis=0), report)
+    return Locks(held, np.cumsum(jump, axis=0), report, sizes)

@@ -89,6 +89,19 @@ class RawObservations:
 
 
 @dataclass(frozen=True, eq=False)
+class Slips:
+    """Cycle slips (k,) of a receiver.
+
+    They have stamp s, satellite, cycles (k, 2) on L1 and L2, reported (k,) as loss of lock or not.
+    """
+
+    stamp: Array
+    satellite: NDArray[np.str_]
+    cycles: Index
+    reported: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
 class SimulatedGnss:
     """Raw GNSS data of a flight.
 
@@ -107,6 +120,8 @@ class SimulatedGnss:
     events: Array
     base_position_m: Array
     weather: Weather
+    rover_slips: Slips
+    base_slips: Slips
     options: RawGnssOptions
 
 
@@ -171,11 +186,11 @@ def simulate_raw_gnss(
         options,
     )
     share(0.3)
-    rover_data = _observe(
+    rover_data, rover_slips = _observe(
         rover, scene, _Receiver(options.rate_hz, 1.0, options.glonass_phase_bias_m), moving
     )
     share(0.7)
-    base_data = _observe(
+    base_data, base_slips = _observe(
         base, scene, _Receiver(options.base_rate_hz, options.base_share, 0.0), standing
     )
     by_rover = events.time + _clock_at(events.time, rover, options.clock_jump_s)
@@ -186,6 +201,8 @@ def simulate_raw_gnss(
         events=by_rover,
         base_position_m=position,
         weather=options.weather,
+        rover_slips=rover_slips,
+        base_slips=base_slips,
         options=options,
     )
 
@@ -297,8 +314,8 @@ def _ionosphere(
 
 def _observe(
     antenna: ReceiverAntenna, scene: _Scene, receiver: _Receiver, rng: np.random.Generator
-) -> RawObservations:
-    """Observations of one receiver."""
+) -> tuple[RawObservations, Slips]:
+    """Observations and slips of one receiver."""
     options, satellites = scene.options, scene.satellites
     lock_rng, noise_rng, bias_rng = rng.spawn(3)
     paths = signal_paths(antenna, satellites)
@@ -316,10 +333,17 @@ def _observe(
     locks = track(visible, antenna.bank, 1.0 / receiver.rate_hz, tracking, lock_rng)
     epoch, column = np.nonzero(locks.held[:, :, 0])
     values = _values(antenna, scene, paths, locks, receiver, (noise_rng, bias_rng))[epoch, column]
+    k, j = np.nonzero(locks.slips.any(axis=2))
+    slips = Slips(
+        antenna.stamp[k],
+        satellites.code[j],
+        locks.slips[k, j],
+        np.asarray(locks.report[k, j].any(axis=1)),
+    )
     report = locks.report[epoch, column].astype(np.int8)
     truth = (antenna.time, antenna.clock_s, antenna.position, antenna.velocity)
     rows = (epoch, satellites.code[column], values, report)
-    return RawObservations(scene.flight.gps_week, antenna.stamp, *rows, *truth)
+    return RawObservations(scene.flight.gps_week, antenna.stamp, *rows, *truth), slips
 
 
 def _values(

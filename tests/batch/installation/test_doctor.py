@@ -262,7 +262,7 @@ def test_limits_are_listed_with_value_and_reason(capsys):
 
     assert main(["doctor", "--limits", "-q"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    lever = f"MAX_LEVER_M = {MAX_LEVER_M}  longer ones are in another unit"
+    lever = f"MAX_LEVER_M = {MAX_LEVER_M}  lever arm (m): longer ones are in another unit"
     assert f"  records/cameras/mounting.py  {lever}" in lines
     assert {"base", "io", "navigation", "flight", "batch", "cli"} < set(lines)
     assert main(["doctor", "--limits", "--compile"]) == 2

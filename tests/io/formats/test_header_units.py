@@ -369,7 +369,7 @@ def test_units_of_fixes_that_cannot_be_are_refused(tmp_path: Path) -> None:
         "sd_e": "sd_lon_deg",
         "sd_u": "sd_h",
     }
-    with pytest.raises(InputError, match=r"s.csv:1: the header gives the unit 'deg' for h sd_n"):
+    with pytest.raises(InputError, match=r"s.csv:1: the header gives the unit 'deg' for sd_n"):
         read_gnss(tmp_path / "s.csv", columns=names)
 
 

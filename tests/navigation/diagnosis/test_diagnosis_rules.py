@@ -305,16 +305,15 @@ def test_when_a_slow_error_is_carried(monkeypatch, gain) -> None:
         assert slow is None
         return
     assert slow is not None
-    share, time_s = _averaged(gains)
+    share, time_s = _averaged(gains, variances_module.SHARES, variances_module.SLOW_S)
     assert slow.gm_sigma[0] == pytest.approx(share)
     assert slow.correlation_time_s == pytest.approx(time_s)
 
 
-def test_the_average_over_models_weighs_by_likelihood(monkeypatch) -> None:
+def test_the_average_over_models_weighs_by_likelihood() -> None:
     """Oracle: (V.3) by hand: two models of one likelihood each, none as probable as both."""
-    monkeypatch.setattr(variances_module, "EVERY_SHARE", {1.0: 0.5, 0.5: 0.5})
-    monkeypatch.setattr(variances_module, "EVERY_S", {20.0: 1.0, 100.0: 1.0})
-    share, time_s = _averaged({(1.0, 20.0): 0.0, (0.5, 100.0): 2.0 * np.log(3.0)})
+    gains = {(1.0, 20.0): 0.0, (0.5, 100.0): 2.0 * np.log(3.0)}
+    share, time_s = _averaged(gains, {1.0: 0.5, 0.5: 0.5}, {20.0: 1.0, 100.0: 1.0})
     w = np.array([0.5, 1.5]) / 3.0
     square = w @ [1.0, 0.25]
     assert share == pytest.approx(np.sqrt(square))

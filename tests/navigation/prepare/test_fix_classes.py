@@ -161,7 +161,7 @@ def test_two_runs_that_contradict_each_other_are_covered_and_no_longer_fixed():
         "ni,nij,nj->n", mixed.ned[60:], np.linalg.inv(calibrated.cov_ned[60:]), mixed.ned[60:]
     )
     assert (within <= 1.0).all()
-    assert "40 where forward and backward" in calibrated.notes[-1].found
+    assert "not 40 because forward and backward" in calibrated.notes[-1].found
 
 
 def _two_runs(both, ned):
@@ -261,7 +261,7 @@ def test_a_single_fix_beside_the_path_is_covered_and_its_neighbours_stay():
     calibrated, kind = calibrate(replace(fixes, height=height), np.full(60, 15), np.zeros(60))
     assert np.flatnonzero(kind != FIXED).tolist() == [30]
     assert np.sqrt(calibrated.cov_ned[30, 2, 2]) >= 13.0
-    assert "not validated: 1 as outliers from the path" in calibrated.notes[-1].found
+    assert "not 1 because they are outliers from the path" in calibrated.notes[-1].found
 
 
 def test_what_a_drone_flies_is_on_its_path():

@@ -103,7 +103,7 @@ def read_gcp_list(
     n = len(points)
     ground = GroundTable(
         points,
-        np.array([stated for _, known in place_by_name.values()]),
+        np.array([stated for _, stated in place_by_name.values()]),
         np.tile(np.diag(np.square(sigma_m)), (n, 1, 1)),
         np.zeros(n, dtype=bool),
     )
