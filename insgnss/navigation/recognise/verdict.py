@@ -26,8 +26,9 @@ NEIGHBOUR, NEIGHBOUR_SCALE_ERROR = 0.3, 0.06
 HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertain
 # relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
 COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0
-# who moves slower may hold the IMU as he likes; who flies, mostly flies nose first
-SLOW_MS, SLOW_SHARE, NOSE_FIRST = 3.0, 0.95, 0.995
+# who moves slower may hold the IMU as he likes, and multirotors fly sideways, too: their heading,
+# and with it that of all images, is asked about (below 0.9); who flies, mostly flies nose first
+SLOW_MS, SLOW_SHARE, NOSE_FIRST = 3.0, 0.85, 0.995
 SAME_LAG_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 
 

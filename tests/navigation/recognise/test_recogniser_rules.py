@@ -282,11 +282,11 @@ def test_an_axis_is_as_sure_as_its_angle_is_far_from_45_degrees() -> None:
 @pytest.mark.parametrize("free", [True, False])
 @pytest.mark.parametrize(("speed", "slow"), [(2.9, True), (3.1, False)])
 def test_who_is_slow_or_leans_may_fly_sideways(speed, slow, free) -> None:
-    """Oracle: by hand: 0.95 of the certainty below 3 m/s or of a multirotor, else 0.995."""
+    """Oracle: by hand: 0.85 of the certainty below 3 m/s or of a multirotor, else 0.995."""
     ahead = _direction(np.array([1.0, 0.0, 0.0]), 1e-3)
     moved = Propulsion(0.0 if free else 1.0, 0.01, 1.0)
     finding = of_forward(ForwardAxis(ahead, speed, 0.1, np.zeros(2)), moved, 0.9)
-    assert finding.confidence == pytest.approx(0.9 * (0.95 if slow or free else 0.995))
+    assert finding.confidence == pytest.approx(0.9 * (0.85 if slow or free else 0.995))
 
 
 @pytest.mark.parametrize(

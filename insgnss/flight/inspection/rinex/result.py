@@ -70,7 +70,7 @@ class RinexInspection(Shown):
         for r in s.receivers:
             names = some((file.name for file in r.files), 4)
             marker = r.header.marker or "no marker"
-            files.append((_role(r, s), f"{names} ({marker}): {r.words}"))
+            files.append((_role(r, s), f"{names} ({marker}): {r.described}"))
         if s.navigation:
             named = ", ".join(f"{FULL_SYSTEM_NAMES.get(k, k)} {n}" for k, n in s.messages.items())
             of = ", ".join(file.name for file in s.navigation)
@@ -135,8 +135,8 @@ def draft_raw_gnss(draft: Draft, survey: Survey) -> None:
     rover, base = survey.rover, survey.base
     assert rover is not None
     assert base is not None
-    draft.add("gnss", "rover", _files(rover), f"{survey.why}: {rover.words}")
-    draft.add("gnss", "base", _files(base), base.words)
+    draft.add("gnss", "rover", _files(rover), f"{survey.why}: {rover.described}")
+    draft.add("gnss", "base", _files(base), base.described)
     draft.add("gnss", "navigation", list(survey.navigation))
     if base.header.approx_position_m is not None:
         lat, lon, height = ecef_to_geodetic(base.header.approx_position_m)

@@ -78,7 +78,7 @@ class Receiver:
         return int(self.first_s // WEEK_S)
 
     @property
-    def words(self) -> str:
+    def described(self) -> str:
         """What it holds, in one line."""
         systems = ", ".join(
             f"{FULL_SYSTEM_NAMES.get(k, k)} {count} (bands {' '.join(self.bands[k]) or 'none'})"
