@@ -51,7 +51,7 @@ def test_receivers_and_their_parts(flown):
     base = s.base
     assert (base.epochs, base.interval_s, base.gaps, base.events) == (60, 1.0, 0, 0)
     assert base.bands == {"G": ("1", "2")}
-    assert "LEIAR10 NONE" in base.words
+    assert "LEIAR10 NONE" in base.described
     assert s.rover.events == 2
     assert s.why == "only its file has camera events"
     assert s.missing == ""
