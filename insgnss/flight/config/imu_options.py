@@ -119,9 +119,9 @@ class ImuInput(Checked, table="imu"):
     )
     units: Mapping[str, str] | None = option(
         None,
-        "gyro: rad/s, deg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, gps; of "
-        "increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit is what "
-        'one count means ("0.05 deg/s")',
+        "gyro: rad/s, deg/s, mdeg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, "
+        "gps; of increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit "
+        'is what one count means ("0.05 deg/s")',
         kind="units",
         members=_imu_unit_keys,
         usual="by header (imu_csv.md), else SI",

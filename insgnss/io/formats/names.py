@@ -41,7 +41,7 @@ _PREFIXES = "~imu ~gyro ~sensor ~sample ~gps ~gnss ~l ~unix ~utc ~system ~sys"
 TIME: Names = {
     "tow": "tow gpstow gps_tow time gpstime gps_time gpst sow gps_sow seconds time_of_week t"
     " ~times ~timestamp ~timestamps ~secs ~sec ~itow ~epoch ~sec_of_week ~seconds_of_week"
-    " ~gps_seconds ~gps_sec ~stamp ~header_stamp ~elapsed ~seconds_elapsed ~zeit ~clock"
+    " ~gps_seconds ~gps_sec ~stamp ~header_stamp ~elapsed ~seconds_elapsed ~zeit ~uhrzeit ~clock"
     " ~rosbag_timestamp ~header_time ~sampletimefine ~utc ~time_utc ~gps ~ts ~ms ~us ~millis"
     " ~micros ~timestamp_since1970 ~timestamp_sincereboot ~year ~utc_year "
     f"{spelled(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",

@@ -65,7 +65,7 @@ class TuneOptions(Checked):
         None, "tow,gx,gy,gz,ax,ay,az in their order, or tow=Time,gx=...", kind="columns"
     )
     gyro_unit: str | None = _unit(
-        None, "rad/s, deg/s, deg/h or the size of one count, '0.05 deg/s'"
+        None, "rad/s, deg/s, mdeg/s, deg/h or the size of one count, '0.05 deg/s'"
     )
     accel_unit: str | None = _unit(None, "m/s^2, g, mg or the size of one count, '3.33 mg'")
     time_unit: str | None = _unit(None, "s, ms, us, ns, unix, unix_ms, ... of the column of time")

@@ -9,7 +9,7 @@ from insgnss.base.errors import InputError
 from insgnss.flight.inspection.discovery import discover
 from insgnss.flight.inspection.tables.grids import tables_of_file
 from insgnss.flight.inspection.tables.tabular import sources_of_table
-from insgnss.io.formats import read_gnss
+from insgnss.io.formats import read_gnss, read_imu
 from insgnss.io.formats.text.text import read_table
 
 ROWS = 400
@@ -81,6 +81,14 @@ HEADERS = {
     "registers": (
         "time,ACCEL_XOUT,ACCEL_YOUT,ACCEL_ZOUT,GYRO_XOUT,GYRO_YOUT,GYRO_ZOUT,MAG_XOUT",
         {"imu": ("time", None, "GYRO_XOUT", "ACCEL_ZOUT")},
+    ),
+    "racing": (
+        "time,Roll rate,Pitch rate,Yaw rate,Long acc,Lat acc,Vert acc",
+        {"imu": ("time", None, "Roll rate", "Vert acc")},
+    ),
+    "abbreviated": (
+        "time,Beschl_X,Beschl_Y,Beschl_Z,Gyro_X,Gyro_Y,Gyro_Z",
+        {"imu": ("time", None, "Gyro_X", "Beschl_Z")},
     ),
     "attitude and outputs": ("time,roll_cmd,pitch_cmd,yaw_cmd,out1,out2,out3", {}),
     "phone": (
@@ -195,3 +203,20 @@ def test_heights_in_millimetres_beside_deviations_in_metres(tmp_path: Path) -> N
         path, columns=source.keys["columns"], units={"angle": "1e-7 deg", "length": "mm"}
     )
     np.testing.assert_allclose(np.sqrt(whole.cov_ned[0, 0, 0]), 1.4e-5)
+
+
+def test_dates_with_the_day_first_and_thousandths_of_degrees(tmp_path: Path) -> None:
+    """Oracle: by hand: 3 July 2018 is a Tuesday of week 2008, 18 s ahead in GPST."""
+    path = tmp_path / "imu.csv"
+    rows = [
+        f"03.07.2018;09:00:{k // 100:02d}.{k % 100:02d};0;0;-1000;{k};0;500" for k in range(300)
+    ]
+    header = "Datum;Uhrzeit;acc_x_mg;acc_y_mg;acc_z_mg;gyr_x_mdps;gyr_y_mdps;gyr_z_mdps"
+    path.write_text("\n".join([header, *rows]) + "\n")
+    (grid,) = tables_of_file(path)
+    (source,) = sources_of_table(path, grid)
+    imu = read_imu(path, columns=source.keys["columns"], units=source.keys["units"])
+    assert imu.gps_week == 2008
+    np.testing.assert_allclose(imu.time, 2 * 86400 + 9 * 3600 + 18 + 0.01 * np.arange(300))
+    np.testing.assert_allclose(imu.gyro[:, 0], np.radians(1e-3 * np.arange(300)))
+    np.testing.assert_allclose(imu.accel[0, 2], -9.80665)

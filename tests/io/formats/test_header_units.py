@@ -151,7 +151,7 @@ def test_increments_and_fields_of_arrays(tmp_path: Path) -> None:
         ),
         (
             header("gyro_{}_deg", "acc_{}_g"),
-            r"imu.csv:1: .* unit 'deg' for gx gy gz, which is none of rad/s, deg/s, deg/h",
+            r"imu.csv:1: .* unit 'deg' for gx gy gz, which is none of rad/s, deg/s, mdeg/s, deg/h",
         ),
         (header("Gyro {} (LSB)", "acc_{}_g"), r"imu.csv:1: .* unit 'LSB' for gx gy gz"),
     ],

@@ -20,13 +20,17 @@ SENSOR_WORDS = {
         "gy|giro.*|gyr.*|omega|rates?|turnrate|drehraten?|winkelgeschwindigkeit(en)?|rotationsrate"
         "|ang(ular)?(vel(ocity)?|rate)|rot(ation)?(vel(ocity)?|rate|speed)"
     ),
-    "accel": re.compile("ac|acc.*|xl|beschleunigung(en)?|(specific)?force|specific|sf"),
+    "accel": re.compile("ac|acc.*|xl|beschl(eunigung(en)?)?|(specific)?force|specific|sf"),
 }
 OF_ANOTHER = re.compile(
     "cov.*|bias.*|std.*|sd|sigma|var.*|rms|mag.*|earth|grav.*|user|lin(ear)?|linacc|free|sp|set.*"
     "|cmd|des(ired)?|target|delta|sum|temp.*|max|min|accuracy|offset|scale|misal.*|world|ned|enu"
 )
-AXES_OF_TRIADS = (*(tuple(axes) for axes in ("xyz", "012", "123")), ("roll", "pitch", "yaw"))
+AXES_OF_TRIADS = (
+    *(tuple(axes) for axes in ("xyz", "012", "123")),
+    *(("roll", "pitch", "yaw"), ("long", "lat", "vert")),
+)
+AXIS_WORDS = {axis for axes in AXES_OF_TRIADS for axis in axes if axis.isalpha()}
 # kinds of the units of what is no clock
 OF_VALUES = tuple(kind for kind in SENSOR_SCALES if kind != "time")
 
@@ -68,7 +72,7 @@ def words_and_axis(name: str) -> tuple[tuple[str, ...], str]:
     terms = [word.removesuffix("out") or word for word in spelled]
     for k in range(len(terms) - 1, -1, -1):
         word = terms[k]
-        if word in "xyz" or word in ("roll", "pitch", "yaw"):
+        if word in AXIS_WORDS:
             return (*terms[:k], *terms[k + 1 :]), word
         if any(form.fullmatch(word[:-1]) for form in SENSOR_WORDS.values()) and word[-1] in "xyz":
             return (*terms[:k], word[:-1], *terms[k + 1 :]), word[-1]

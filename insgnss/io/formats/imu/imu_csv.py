@@ -73,8 +73,9 @@ def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamp
     path : path
         The file.
     options : ReadOptions
-        `columns` of tow week gx gy gz ax ay az; `units` of "gyro" (rad/s, deg/s, deg/h; rad, deg,
-        arcsec for increments), "accel" (m/s^2, g, mg, ug; m/s, g*s for increments) and "time".
+        `columns` of tow week gx gy gz ax ay az; `units` of "gyro" (rad/s, deg/s, mdeg/s, deg/h;
+        rad, deg, arcsec for increments), "accel" (m/s^2, g, mg, ug; m/s, g*s for increments) and
+        "time".
 
     Returns
     -------

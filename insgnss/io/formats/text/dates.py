@@ -1,4 +1,5 @@
-"""Stamps that are dates: 2015_11_26_15_00_02_617, 2015-11-26T15:00:02.617Z, 2015/11/26-15:00:02.
+"""Stamps that are dates: 2015_11_26_15_00_02_617, 2015-11-26T15:00:02.617Z, 2015/11/26-15:00:02,
+26.11.2015 15:00:02 (the day first only with points, which nobody writes for the month first).
 
 Year, month, day, hour, minute and second stand between signs that are no digits; what follows a
 point or comma is a fraction of a second, what follows another sign counts milliseconds (three
@@ -21,6 +22,7 @@ _DATE = re.compile(
     re.ASCII,
 )
 DAY, CLOCK = re.compile(r"\"?\d{4}[-_/.:]\d{1,2}[-_/.:]\d{1,2}\"?"), re.compile(r"\"?\d{1,2}:.*")
+DAY_FIRST = re.compile(r"\"?(\d{1,2})\.(\d{1,2})\.(\d{4})(?!\d)", re.ASCII)  # only with points
 UNIX = "unix"  # of the clock that dates become
 # columns of a date, and s of those of a fraction of its second by their names
 CALENDAR = ("year", "month", "day", "hour", "minute", "second")
@@ -32,6 +34,7 @@ PARTS_S = {3: 1e-3, 6: 1e-6, 9: 1e-9}  # by the number of digits, at most
 
 def joined_dates(days: Sequence[str], clocks: Sequence[str]) -> list[str] | None:
     """Return dates of a column of days and one of times of day; None where one is neither."""
+    days = [_year_first(day) for day in days]
     if all(map(DAY.fullmatch, days)) and all(map(CLOCK.fullmatch, clocks)):
         pairs = zip(days, clocks, strict=True)
         return [f"{day} {clock}".replace('"', "") for day, clock in pairs]
@@ -40,7 +43,12 @@ def joined_dates(days: Sequence[str], clocks: Sequence[str]) -> list[str] | None
 
 def is_date(text: str) -> bool:
     """Tell whether a field is a date with a time of day."""
-    return _DATE.fullmatch(text.strip()) is not None
+    return _DATE.fullmatch(_year_first(text)) is not None
+
+
+def _year_first(text: str) -> str:
+    """Return a date that begins with the day, as 26.11.2015, with the year before."""
+    return DAY_FIRST.sub(r"\3-\2-\1", text.strip(), count=1)
 
 
 def seconds_of_dates(texts: Sequence[str]) -> Array | None:
@@ -48,7 +56,7 @@ def seconds_of_dates(texts: Sequence[str]) -> Array | None:
     whole: list[str] = []
     parts = np.zeros(len(texts))
     for i, text in enumerate(texts):
-        match = _DATE.fullmatch(text.strip())
+        match = _DATE.fullmatch(_year_first(text))
         if match is None:
             return None
         year, month, day, hour, minute, second, sign, digits, zone, more = match.groups()

@@ -16,7 +16,7 @@ from ....base.units import DEG, STANDARD_GRAVITY
 from .layout import shown
 
 SENSOR_SCALES: dict[str, dict[str, float]] = {
-    "gyro": {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0},
+    "gyro": {"rad/s": 1.0, "deg/s": DEG, "mdeg/s": 1e-3 * DEG, "deg/h": DEG / 3600.0},
     "accel": {
         "m/s^2": 1.0,
         "g": STANDARD_GRAVITY,
@@ -47,6 +47,7 @@ _NUMBER_AND_UNIT = re.compile(
 _SPELLED_UNITS = {
     "deg/s": "degs-1 degps degpers degpersec deg/sec deg/second degrees/s degrees/sec"
     " degrees/second dps °/s",
+    "mdeg/s": "mdps mdegs mdeg/sec m°/s",
     "rad/s": "rads-1 radps radpers radpersec rad/sec rad/second radians/s radians/sec"
     " radians/second",
     "deg/h": "deg/hr deg/hour degph degphr degperh degperhr degh °/h",
