@@ -113,7 +113,7 @@ def test_imu_columns_by_list_and_by_table(tmp_path: Path) -> None:
         (
             {"units": {"gyro": "m/s^2"}},
             UsageError,
-            "unit of gx gy gz: 'm/s\\^2' is none of rad/s, deg/s, deg/h",
+            "unit of gx gy gz: 'm/s\\^2' is none of rad/s, deg/s, mdeg/s, deg/h",
         ),
         ({"units": {"gyros": "rad/s"}}, UsageError, "'gyros' is none of gyro, accel"),
         (
