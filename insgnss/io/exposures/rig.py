@@ -212,7 +212,14 @@ def rig_exposures(
     -------
     tuple of CameraExposures
         One a camera.
+
+    Raises
+    ------
+    InputError
+        Where the first camera has no exposure.
     """
+    if not first.images:
+        raise InputError.in_file(first.source, "no exposures; leave them out for the trajectory")
     clock = event_clock(camera, gnss)
     if camera is None:
         return (CameraExposures("camera_1", first, clock),)

@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import InputError
 from insgnss.io.exposures.instants import cut_events, on_clock, refuse_outside, within
-from insgnss.io.exposures.rig import CameraExposures, ClockOffsets
+from insgnss.io.exposures.rig import CameraExposures, ClockOffsets, rig_exposures
 from insgnss.records import CameraEvents
 
 
@@ -73,3 +73,10 @@ def test_exposures_after_a_counter_began_anew_are_told_with_its_range():
         refuse_outside(events(40.0, 41.0, 250.0), lo, hi)
     with pytest.raises(InputError, match="check the time scale"):
         refuse_outside(events(40.0, 41.0, 270.0), lo, hi)
+
+
+def test_a_camera_without_exposures_is_refused():
+    """Oracle: the message: what to leave out for a trajectory alone."""
+    none = CameraEvents((), np.empty(0), 2008)
+    with pytest.raises(InputError, match="no exposures; leave them out"):
+        rig_exposures(None, "", none, None, None)
