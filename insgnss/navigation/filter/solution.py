@@ -329,7 +329,7 @@ def solve(
         moving = second_pass != "off" and _nonlinear(smoothed.delta, history.sigma)
         if not (another or moving or change > LINEAR_SIGMAS):
             break
-        move(history.nav, history.x, smoothed.delta)
+        inject_errors(history.nav, history.x, smoothed.delta)
         passes.problem = again
         count += 1
         progress(f"filter, pass {count}, linearised about the smoothed flight")
@@ -419,7 +419,7 @@ def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Soluti
         again,
         passes.problem.layout.size,
     )
-    move(history.nav, history.x, smoothed.delta)
+    inject_errors(history.nav, history.x, smoothed.delta)
     return Solution(
         passes.problem,
         history.nav,
@@ -466,11 +466,11 @@ def moved_by(nav: Array, x: Array, delta: Array) -> tuple[Array, Array]:
         The moved states.
     """
     nav, x = nav.copy(), x.copy()
-    move(nav, x, delta)
+    inject_errors(nav, x, delta)
     return nav, x
 
 
-def move(nav: Array, x: Array, delta: Array) -> None:
+def inject_errors(nav: Array, x: Array, delta: Array) -> None:
     """Add estimates of its errors to a nominal, in place; attitude from the left.
 
     Parameters

@@ -20,7 +20,7 @@ from .covariances import COVARIANCES_AT_A_TIME
 from .epochs import EPOCH_ROUNDING_S
 from .kernels.strapdown import run_between
 from .problem import channel_biases
-from .solution import Solution, move
+from .solution import Solution, inject_errors
 from .strapdown import kernel_earth, kernel_intervals, nav_difference
 
 EPOCHS_AT_A_TIME = 1024  # epochs that are worked on at a time: a pose takes four kB on the way
@@ -225,4 +225,4 @@ def _give_back(nav: Array, missed: Array, share: Array, length: Array) -> None:
     d_p, d_v = missed[:, POS], missed[:, VEL] * length[:, None]
     delta = s * missed
     delta[:, POS] = s**2 * (3.0 - 2.0 * s) * d_p + s**2 * (s - 1.0) * d_v
-    move(nav, np.zeros((len(nav), 0)), delta)
+    inject_errors(nav, np.zeros((len(nav), 0)), delta)

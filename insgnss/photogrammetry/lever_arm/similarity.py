@@ -148,12 +148,21 @@ class SimilarityLeverArm(LeverArm):
             One clause.
         """
         name = f"{'xyz'[axis]} (camera)"
-        sigma, rho = self.sigma_m[axis], self.translation_correlation[axis]
+        if why := self.why_undetermined(axis):
+            return f"{name} not determined {why}"
+        return (
+            f"{name} {self.lever_arm_m[axis]:+.4f} +- {self.sigma_m[axis]:.4f} m (correlation with"
+            f" the vertical translation {self.vertical_correlation[axis]:+.2f})"
+        )
+
+    def why_undetermined(self, axis: int) -> str:
+        """Return why the flight does not determine a component, and the cure; empty where it does.
+
+        `axis` as in `verdict`.
+        """
         if self.determined[axis]:
-            return (
-                f"{name} {self.lever_arm_m[axis]:+.4f} +- {sigma:.4f} m (correlation with the"
-                f" vertical translation {self.vertical_correlation[axis]:+.2f})"
-            )
+            return ""
+        sigma, rho = self.sigma_m[axis], self.translation_correlation[axis]
         why = (
             f"correlation with the translation {rho:.3f}, limit {CORRELATED_WITH_SHIFT:g}"
             if rho > CORRELATED_WITH_SHIFT
@@ -169,23 +178,29 @@ class SimilarityLeverArm(LeverArm):
         else:
             cure = "fly more strips of opposite heading"
         ground = "" if len(self.ground_residual_m) else ", or measure a ground point in the images"
-        return f"{name} not determined (standard error {sigma:.3f} m; {why}): {cure}{ground}"
+        return f"(standard error {sigma:.3f} m; {why}): {cure}{ground}"
 
-    def summary(self) -> str:
-        """Return the verdict on each component and how well everything fits."""
+    @property
+    def basis(self) -> str:
+        """What the lever arm is from, as a clause."""
+        ground = f", {len(self.ground_residual_m)} ground points"
+        return (
+            f"lever arm camera to antenna from {len(self.residual_m)} images"
+            f"{ground if len(self.ground_residual_m) else ', no ground point'}"
+        )
+
+    @property
+    def fit(self) -> str:
+        """How well everything fits, as a clause."""
         rms = 1e3 * float(np.sqrt((self.residual_m**2).mean()))
         fit = f"variance factor {self.variance_factor:.2f}, limit {self.factor_limit:.2f}"
         if self.variance_factor > self.factor_limit:
             fit += ": more than covariances say; standard errors grown accordingly"
-        ground = f", {len(self.ground_residual_m)} ground points"
-        return "; ".join(
-            [
-                f"lever arm camera to antenna from {len(self.residual_m)} images"
-                + (ground if len(self.ground_residual_m) else ", no ground point"),
-                *(self.verdict(axis) for axis in range(3)),
-                f"residuals {rms:.1f} mm rms ({fit})",
-            ]
-        )
+        return f"residuals {rms:.1f} mm rms ({fit})"
+
+    def summary(self) -> str:
+        """Return the verdict on each component and how well everything fits."""
+        return "; ".join([self.basis, *map(self.verdict, range(3)), self.fit])
 
 
 def similarity_lever_arm(

@@ -401,7 +401,7 @@ def _components(
     """Return name, verdict and value, or why there is none, of each axis."""
     components = []
     for axis, name in enumerate("xyz"):
-        why = result.verdict(axis).partition(" not determined ")[2]
+        why = result.why_undetermined(axis)
         value = f"{result.lever_arm_m[axis]:+.4f} +- {result.sigma_m[axis]:.4f} m"
         if along_flight is not None and abs(along_flight.direction.in_camera[axis]) > SAME_AXIS:
             value += ", lever arm and delay of the exposures times speed as one"
@@ -421,8 +421,6 @@ def _calibrated(
     inputs: list[Path],
 ) -> CalibratedMounting:
     components = _components(result, along_flight)
-    parts = result.summary().split("; ")
-    headline = f"{parts[0]}; {parts[-1] if parts[-1].startswith('res') else '; '.join(parts[-2:])}"
     each = (
         f"{name[-1]} {text}" if word == DETERMINED else f"{name[-1]} {word} {text}"
         for name, word, text in components
@@ -434,7 +432,10 @@ def _calibrated(
         (result.lever_arm_m, result.cov[ARM_AT, ARM_AT]),
         "" if whole else ", ".join(each),
         components,
-        (headline, *(f"{name} {word}: {text}" for name, word, text in components)),
+        (
+            f"{result.basis}; {result.fit}",
+            *(f"{name} {word}: {text}" for name, word, text in components),
+        ),
         notes,
         _document(result, along_flight, inputs),
         lambda: _charts(result, along_flight, poses),

@@ -193,7 +193,7 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
 
     columns = without(_not_finite(grid, columns))
     columns = without(_unused_velocity(columns))
-    columns = without(_no_sigmas(grid, columns))
+    columns = without(_unusable_sigmas(grid, columns))
     units = {"angle": angle_unit(grid, columns["lat"], columns["lon"])}
     columns = without(_quality(grid, columns, units))
     height = grid.values[:, columns["h"]]
@@ -265,7 +265,7 @@ def _not_finite(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
     }
 
 
-def _no_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
+def _unusable_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, str]:
     """Standard deviations that are of no use, with the reason.
 
     They are not positive, or double where those of north, east and up exist. Zeros that are rounded
