@@ -9,7 +9,7 @@ from collections.abc import Mapping
 TERMS: Mapping[str, tuple[str, str]] = {
     "sigma": (
         "sigmas?|standard deviations?",
-        "standard deviation: two errors of three are smaller, and 19 of 20 are below twice of it",
+        "standard deviation: two errors of three are smaller, and 19 of 20 are below twice it",
     ),
     "tilt": ("tilt", "rotation of an image about the horizontal axes; the larger sigma of the two"),
     "TOW": ("TOW", "time of week: seconds of GPS time since the midnight that begins Sunday"),

@@ -142,8 +142,8 @@ def engine_finding() -> Finding:
         command = engine_command()
     except InsgnssError as error:
         advice = (
-            "only `insgnss ppk` and flight files with raw GNSS observations need an engine:"
-            f" {error}"
+            f"{error}; only `insgnss ppk` and flight files with raw GNSS observations need a PPK"
+            " engine, all else works without"
         )
         return engine.note("none", advice)
     if command[0] != sys.executable:

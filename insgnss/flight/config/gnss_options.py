@@ -173,9 +173,9 @@ class GnssInput(Checked, table="gnss"):
     )
     quality_sigma_m: Mapping[str, Triple] = option(
         lambda: dict(QUALITY_SIGMA_M),
-        "least standard deviations north, east, down of fixes of each quality; they replace"
-        " smaller ones of the file, which must have the quality; none by default with"
-        " gnss.rover, where gnss.covariance has floors",
+        "least standard deviations north, east, down of fixes of each quality: smaller ones of the"
+        " file, which needs a column of the quality, are raised to them; none by default with"
+        " gnss.rover, whose gnss.covariance sets them",
         kind="quality_sigmas",
         unit="m",
         members=lambda: QUALITIES,

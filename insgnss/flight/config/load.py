@@ -208,7 +208,7 @@ def _further_camera(table: OptionTable) -> CameraInput:
     has_events = "events" in table.data
     for key in () if has_events else ("columns", "units", "time_scale"):
         if key in table.data:
-            problem = "is of camera.further.events, which is missing: the trigger of the first"
+            problem = "needs camera.further.events, which is missing: the trigger of the first"
             raise table.error(key, f"{problem} camera exposes this one")
     absent = {} if has_events else {"events": None}
     match = record_of(table, ImageMatch)

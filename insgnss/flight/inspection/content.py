@@ -289,7 +289,8 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | Non
             "filter",
             "scale_factor",
             True,
-            "a sensor without a calibration of its own: beside a turn of 360 deg 1 % is 3.6 deg",
+            "no calibration of this sensor is known, so that scale errors of 1 % are allowed for:"
+            " 3.6 deg in a turn of 360 deg",
         )
         draft.add(
             "filter",

@@ -85,7 +85,7 @@ class MeasurementInput:
     offset_sigma_deg: float = option(
         2.0,
         "a-priori standard deviation of each angle by which the sensor is turned against the body,"
-        " which are states; 0: 0.05 deg",
+        " which are estimated; 0: 0.05 deg",
         unit="deg",
         low=0.0,
         high=180.0,
@@ -120,14 +120,14 @@ class MeasurementInput:
     hard_iron_sigma: float = option(
         2.0,
         "of magnetometer: a-priori standard deviation, uT, of each axis of the vehicle's own"
-        " constant field, which are states; without calibration 50; 0: none",
+        " constant field, which are estimated; without calibration 50; 0: none",
         low=0.0,
         high=1e3,
     )
     soft_iron_sigma: float = option(
         0.02,
         "of magnetometer: a-priori standard deviation of the nine scale, cross-axis and alignment"
-        " factors, which are states; 0: none",
+        " factors, which are estimated; 0: none",
         low=0.0,
         high=0.5,
     )

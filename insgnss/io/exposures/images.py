@@ -13,6 +13,7 @@ import numpy as np
 from ...base.errors import InputError
 from ...base.files import lines_of, refuse_other_than_utf8
 from ...base.inputs import opened, read_bytes, readable
+from ...base.wording import named
 from ...records import Array
 from ..formats.images.exif import time_taken
 from ..formats.names import IMAGE_ENDINGS
@@ -50,7 +51,9 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
         if len({Path(name).stem for name in names}) < len(names):
             kinds = sorted({Path(name).suffix for name in names})
             raise InputError.in_file(
-                path, f"holds the same image as {' and '.join(kinds)}; say which ending to take"
+                path,
+                f"holds the same image as {' and '.join(kinds)}; choose one by"
+                f" {named('camera.image_ending')}",
             )
     else:
         with readable(path, "give a directory or a list of names"):

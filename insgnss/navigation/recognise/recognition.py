@@ -187,7 +187,10 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
         why = "too few fixes or readings in common with GNSS, or gyros that show nothing"
         return _abstained(force, per_sample, why)
     if relation.fit is None:
-        why = "at no time offset and in no unit does the IMU explain the motion that GNSS saw"
+        why = (
+            "the IMU explains the motion that GNSS saw at no time offset and in no unit: check that"
+            " both files are of one flight"
+        )
         return _abstained(force, per_sample, why, _scores(relation))
     mirror = _mirrored(relation, grid, gnss, sound, force, reach)
     week, pose = imu.gps_week or gnss.gps_week, poses(relation, gnss, sound)

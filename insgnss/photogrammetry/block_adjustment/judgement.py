@@ -369,8 +369,8 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
                 trial.name,
                 float(np.sqrt(trial.gain / limit)),
                 f"the observations show a {trial.name} of {trial.shown} that is not estimated:"
-                f" estimating it lowers the cost by {trial.gain:.0f} (by chance {limit:.0f} at"
-                " most)",
+                f" estimating it lowers the weighted squares of the residuals by {trial.gain:.0f}"
+                f" (by chance {limit:.0f} at most)",
                 f"{trial.remedy}{_rivals(trial, trials_made)}",
             )
 

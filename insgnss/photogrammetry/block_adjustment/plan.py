@@ -256,7 +256,8 @@ def _ground_height(file: BlockFile, ground: GroundTable | None) -> float:
     if ground is None or not ground.points:
         raise InputError(
             "adjust --plan: the height of the ground is missing; give ground points, or"
-            " plan.ground_m (--ground-height), the height in the tangent plane"
+            " plan.ground_m (--ground-height), its height in m above the origin"
+            " of the tangent plane"
         )
     return float(np.median(ground.position_m[:, 2]))
 

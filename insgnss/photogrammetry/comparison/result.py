@@ -26,7 +26,9 @@ SCREEN_UNITS = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s":
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
 WIDE = 1.5  # rms over sigma from which on the standard deviations are doubted
 UNTRANSFORMED = "compared without a transformation"  # what a note says of two datums
-NO_MISMATCH = "no mismatch of names, axes, angles, time, height or lever arm recognised"
+NO_MISMATCH = (
+    "names, axes, angles, time, height and lever arm were compared: no mismatch recognised"
+)
 WIDE_PARAMETER = 3.5  # sigmas of one camera parameter: one of 2000 differs by more
 LARGE = 10.0  # m or m/s, from which thousandths are not shown
 

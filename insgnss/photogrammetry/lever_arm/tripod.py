@@ -172,8 +172,8 @@ def setup_lever_arms(setups: PosedAntennas) -> tuple[Array, Array]:
     for j, one in enumerate(cov):
         if not np.linalg.eigvalsh(one)[0] > 0.0:
             raise DataError(
-                f"setup {j + 1}: the covariance of pin and pose is not positive definite; give"
-                " standard deviations above zero"
+                f"setup {j + 1}: the covariance of the pin (ground mark) and the pose of the"
+                " camera is not positive definite; give both standard deviations above zero"
             )
     return np.einsum("nji,nj->ni", C, d), cov
 

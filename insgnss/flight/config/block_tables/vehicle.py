@@ -39,7 +39,7 @@ class VehicleTable(Checked, table="vehicle"):
         needs=("file",),
     )
     target_sigma_m: Triple | None = sigmas(
-        "a-priori standard deviations of the remaining error of target_m, which is estimated",
+        "a-priori standard deviations of a correction of target_m that the adjustment estimates",
         usual="it is as stated",
         needs=("file",),
     )

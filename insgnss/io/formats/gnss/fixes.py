@@ -239,7 +239,8 @@ def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.
     q = cols["q"]
     accepted = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
     message = (
-        f"quality {{:g}} is no {codes} quality code; check the columns, or set units = {{{{ quality"
+        f"quality {{:g}} is not a quality code of {codes}; check the columns, or set units ="
+        " {{ quality"
     )
     refuse_rows(lines, ~np.isin(q, list(accepted)), f'{message} = "nmea" }}}}', q)
     quality = q.astype(np.int64)

@@ -146,8 +146,9 @@ def _readings(vehicle: Vehicle, met: Array, miss_m: Array) -> Iterator[Candidate
         seconds = round(seconds)  # of two time scales, whole; rays tell it to some 0.1 s
     offset = vehicle.options.time_offset_s - seconds
     yield Candidate(
-        f"where it was {abs(seconds):.2f} s {'later' if seconds > 0 else 'before'}: its stamps are"
-        f" off ({scale or TWO_CLOCKS}); correct them, vehicle.time_offset_s = {offset:+.2f}",
+        f"where it was {abs(seconds):.2f} s {'later' if seconds > 0 else 'before'}: the stamps of"
+        f" the vehicle are off ({scale or TWO_CLOCKS}); correct them, vehicle.time_offset_s ="
+        f" {offset:+.2f}",
         lambda _: (met - moved.position_m)[within, :2],
         same=lambda d: d[within],
     )
