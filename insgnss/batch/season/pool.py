@@ -137,8 +137,8 @@ class _Worker:
         forecast = f"memory forecast {self.task.forecast_bytes / GB:.1f} GB"
         if self._ended and room:
             reason = (
-                f"memory: its process was stopped when it took {self._ended / GB:.2f} GB, although it"
-                f" ran alone and was allowed {room / GB:.2f} GB ({forecast}); {TRY}"
+                f"memory: its process was stopped at {self._ended / GB:.2f} GB, although it ran"
+                f" alone and was allowed {room / GB:.2f} GB ({forecast}); {TRY}"
             )
         elif kills() > self._kills:
             had = f" (it had {self._most / GB:.2f} GB when last seen)" if self._most else ""

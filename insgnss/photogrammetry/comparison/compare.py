@@ -250,7 +250,7 @@ def largest_difference(a: Poses, b: Poses) -> str:
 
 
 def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
-    """b with its attitude of the camera or of the body, as a has it, where the mounting is known."""
+    """b with its attitude of what a's is of, camera or body, where the mounting is known."""
     if a.C_Ex is None or b.C_Ex is None or a.x == b.x:
         return b, ()
     C_cb = a.camera_from_body if a.camera_from_body is not None else b.camera_from_body

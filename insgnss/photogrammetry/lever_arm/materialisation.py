@@ -421,9 +421,9 @@ def materialised_lever_arm(
     limit = factor_limit(dof)
     if factor > limit and _mirrored(P, camera.targets) and _mirrored(G, receiver.targets):
         raise DataError(
-            "the targets in the block's coordinates fit those measured in the camera's and the antenna's"
-            " only as in a mirror: correct an axis of the block that has the wrong sign, or two that"
-            " are exchanged"
+            "the targets in the block's coordinates fit those measured from the camera and the"
+            " antenna only as in a mirror: correct an axis of the block that has the wrong sign, or"
+            " two that are exchanged"
         )
     rms = float(np.sqrt((residual**2).mean()))
     if rms > MISFIT_TARGETS_M and factor > MISFIT_SIGMA**2:

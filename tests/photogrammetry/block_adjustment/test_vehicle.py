@@ -121,7 +121,7 @@ def test_the_vehicle_makes_check_points_better(made, adjusted, tmp_path) -> None
 @pytest.mark.parametrize(
     ("seconds", "words"),
     [
-        (18.0, r"18\.00 s later: its stamps are off \(the 18 leap .* = -18\.00"),
+        (18.0, r"18\.00 s later: the stamps of the vehicle are off \(the 18 leap .* = -18\.00"),
         (604800.0, "as if off by 1 GPS week: the week of one is wrong"),
         (-7200.0, "as if off by a time zone of 2 h"),
         (500.0, "none of the 16 exposures .* give the vehicle's file of this flight"),
@@ -152,7 +152,9 @@ def test_a_clock_off_by_a_second_is_named(made, tmp_path) -> None:
     is seen by rays, a fifth of one by the adjustment.
     """
     second = changed(made, tmp_path / "s", time=made.trajectory.time + 1.0)
-    with pytest.raises(DataError, match=r"where it was (0\.9|1\.0)\d s later: its stamps are off"):
+    with pytest.raises(
+        DataError, match=r"where it was (0\.9|1\.0)\d s later: the stamps of the vehicle are off"
+    ):
         adjust(second, write=False)
     file = changed(made, tmp_path / "b", time=made.trajectory.time + 0.2)
     result = adjust(file, write=False)

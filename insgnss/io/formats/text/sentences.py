@@ -93,7 +93,7 @@ def read_sentences(path: Source) -> Sentences:
         first = int(np.argmin(good))
         text = decode(buf[starts[first] : starts[first] + 60].tobytes()).partition("\n")[0].strip()
         message = (
-            f"the checksum is wrong or missing in {text!r}, as in {n_bad} of {n} sentences (limit"
+            f"no right checksum in {text!r}, as in {n_bad} of {n} sentences (limit"
             f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
         )
         raise InputError.at_line(path, int(lines[first]), message)
