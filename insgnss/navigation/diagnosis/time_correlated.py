@@ -65,6 +65,8 @@ LEAST_WHITE = 0.2  # bound of k: a fix is not taken to be better than a fifth of
 LEAST_WHITE_CODE = 0.03  # the same for code solutions
 WHITE_CLAIM = 0.5  # k^2 beyond which the file's claim is of the white error alone
 RESTART_AT = np.log(6.0)  # of T, where the search begins again
+STEP_ALONG_RIDGE = np.log(1.3)  # step of T along c^2 / T
+ONE_SIGMA_RISE = 1.0  # rise of -2 log L that one sigma makes
 LARGEST_LOGARITHM = 8.0  # bound of the logarithms of all parameters
 # of code solutions
 OF_VELOCITY_S = 60.0  # correlation time of the errors of velocities
@@ -150,7 +152,7 @@ def time_correlated_error(
     best = min(best, again, key=lambda minimum: float(minimum.fun))
     if without - best.fun < GAIN:
         return None
-    return model(best.x)
+    return model(best.x if code else _towards_claim(cost, best.x, best.fun))
 
 
 def beyond_claim(errors: FixErrors) -> bool:
@@ -188,6 +190,22 @@ def _descend(cost: Callable[[Array], float], first: Array) -> Any:
         "fatol": 1.0,
     }
     return minimize(cost, first, method="Nelder-Mead", options=options)
+
+
+def _towards_claim(cost: Callable[[Array], float], p: Array, least: float) -> Array:
+    """Move along c^2 / T towards k^2 + c^2 = 1, as long as the cost stays near `least`."""
+    while True:
+        claim = np.exp(2.0 * p[0]) + np.exp(2.0 * p[1])
+        step = np.sign(1.0 - claim) * np.array([0.0, 0.5 * STEP_ALONG_RIDGE, STEP_ALONG_RIDGE, 0.0])
+        after = np.exp(2.0 * p[0]) + np.exp(2.0 * (p[1] + step[1]))
+        if (
+            (claim > 1.0 and np.exp(2.0 * p[0]) > WHITE_CLAIM)
+            or abs(np.log(after)) > abs(np.log(claim))
+            or (p + step)[2] > np.log(LONGEST_WINDOW_S)
+            or cost(p + step) > least + ONE_SIGMA_RISE
+        ):
+            return p
+        p = p + step
 
 
 def code_errors(

@@ -32,6 +32,7 @@ from insgnss.navigation.diagnosis.evidence import (
     misfit,
 )
 from insgnss.navigation.diagnosis.sensitivity import Sensitivity
+from insgnss.navigation.diagnosis.time_correlated import _towards_claim
 from insgnss.navigation.diagnosis.variances import VarianceSearch, _averaged, _promise
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import FixErrors
@@ -308,6 +309,36 @@ def test_when_a_slow_error_is_carried(monkeypatch, gain) -> None:
     share, time_s = _averaged(gains, variances_module.SHARES, variances_module.SLOW_S)
     assert slow.gm_sigma[0] == pytest.approx(share)
     assert slow.correlation_time_s == pytest.approx(time_s)
+
+
+@pytest.mark.parametrize(
+    ("k", "c", "limit", "ends_at"),
+    [
+        (0.5, 0.6, 1e9, np.sqrt(1.0 - 0.25)),  # up to what the file claims
+        (0.5, 1.5, 1e9, np.sqrt(1.0 - 0.25)),  # down to it
+        (0.8, 1.5, 1e9, 1.5),  # k alone is most of the claim, and what is beyond it stays
+        (0.8, 0.8, 1e9, 0.8),
+        (0.5, 0.2, 120.0, None),  # not beyond a correlation time of ten minutes
+    ],
+)
+def test_the_shares_move_towards_the_claim(k, c, limit, ends_at) -> None:
+    """Oracle: k^2 + c^2 = 1 by hand, to half a step of the ridge; c^2 / T stays what it was."""
+    start = np.log([k, c, 20.0, 1.0]) if ends_at else np.log([k, c, 400.0, 1.0])
+    end = _towards_claim(lambda p: 0.0, start, 0.0)
+    assert 2.0 * end[1] - end[2] == pytest.approx(2.0 * start[1] - start[2])
+    assert end[0] == start[0]
+    if ends_at is None:
+        assert 600.0 / 1.3 < np.exp(end[2]) <= 600.0
+    else:
+        assert abs(np.exp(end[1]) / ends_at - 1.0) < 0.5 * np.log(1.3) + 0.05
+
+
+@pytest.mark.parametrize(("rise", "moves"), [(0.9, True), (1.1, False)])
+def test_the_claim_is_left_where_the_likelihood_doubts_it(rise, moves) -> None:
+    """Oracle: a rise of -2 log L by one, what a sigma makes, on either side."""
+    start = np.log([0.5, 0.6, 20.0, 1.0])
+    end = _towards_claim(lambda p: rise, start, 0.0)
+    assert (end[1] > start[1]) == moves
 
 
 def test_the_average_over_models_weighs_by_likelihood() -> None:
