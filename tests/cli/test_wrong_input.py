@@ -294,7 +294,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "unit of increments for rates": (
         _toml('gyro = "rad/s"', 'gyro = "rad"'),
         INPUT,
-        ("imu.units.gyro", "use rad/s, deg/s, deg/h"),
+        ("imu.units.gyro", "use rad/s, deg/s, mdeg/s, deg/h"),
     ),
     "unit of the other sensor": (
         _toml('gyro = "rad/s"', 'gyro = "g"'),

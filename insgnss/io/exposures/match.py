@@ -145,7 +145,7 @@ def _taken(
     k = int(np.argmin(step))
     finding = (
         f"image {images[kept[k + 1]]} was taken {-step[k]:.3f} s before {images[kept[k]]}, by the"
-        " images' own times: images and events are in different orders"
+        " images' own times"
     )
     if -step[k] < UNSURE_FALL_S:
         return None, (

@@ -366,7 +366,7 @@ WRONG = {
     "unit of the other sensor": (
         _in("imu", 'units = { gyro = "m/s^2" }'),
         2,
-        "belongs to the other sensor; use rad/s, deg/s, deg/h",
+        "belongs to the other sensor; use rad/s, deg/s, mdeg/s, deg/h",
     ),
     "unit of increments": (
         _in("imu", 'units = { accel = "m/s" }'),

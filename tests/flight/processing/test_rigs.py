@@ -138,7 +138,7 @@ def test_a_flight_file_names_further_cameras(data_set) -> None:
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ('prefix = "b"\ncolumns = ["tow"]\n', "columns: is of camera.further.events"),
+        ('prefix = "b"\ncolumns = ["tow"]\n', "columns: needs camera.further.events"),
         ('name = "a b"\n', "name = 'a b': is no name of letters"),
         ('name = "camera_1"\n', "camera_1 names two cameras"),
         ("mounting = { imu_m = [0, 0, 0], from_camera_m = [0, 0, 0] }\n", "keep one of them"),

@@ -19,7 +19,7 @@ def test_names_of_a_directory_are_in_the_order_of_their_numbers(tmp_path):
         (tmp_path / name).touch()
     assert image_names(tmp_path) == ("IMG_9.JPG", "IMG_10.JPG", "IMG_101.JPG")
     (tmp_path / "IMG_9.ARW").touch()
-    with pytest.raises(InputError, match=r"the same image as \.ARW and \.JPG; say which"):
+    with pytest.raises(InputError, match=r"\.ARW and \.JPG; choose one by camera\.image_ending"):
         image_names(tmp_path)
     assert image_names(tmp_path, "arw") == ("IMG_9.ARW",)
     with pytest.raises(InputError, match="holds no image"):

@@ -33,7 +33,7 @@ from insgnss.navigation.filter.smoother import diagonal, unpacked
 from insgnss.navigation.filter.solution import (
     _kept_rows,
     _nonlinear,
-    move,
+    inject_errors,
     refuse_negative_variances,
 )
 from insgnss.navigation.filter.strapdown import nav_difference
@@ -283,7 +283,7 @@ def test_the_nominal_is_moved_by_its_errors() -> None:
     nav = np.hstack([rng.normal(size=(5, 6)), C.as_quat(scalar_first=True)])
     x, before = rng.normal(size=(5, 3)), nav.copy()
     expected = x + delta[:, 9:]
-    move(nav, x, delta)
+    inject_errors(nav, x, delta)
     turned = (Rotation.from_rotvec(delta[:, 6:9]) * C).as_matrix()
     assert_allclose(Rotation.from_quat(nav[:, 6:], scalar_first=True).as_matrix(), turned)
     assert_allclose(nav[:, :6], before[:, :6] + delta[:, :6])

@@ -48,7 +48,9 @@ def is_date(text: str) -> bool:
 
 def _year_first(text: str) -> str:
     """Return a date that begins with the day, as 26.11.2015, with the year before."""
-    return DAY_FIRST.sub(r"\3-\2-\1", text.strip(), count=1)
+    text = text.strip()
+    first = DAY_FIRST.match(text)
+    return text if first is None else first.expand(r"\3-\2-\1") + text[first.end() :]
 
 
 def seconds_of_dates(texts: Sequence[str]) -> Array | None:
