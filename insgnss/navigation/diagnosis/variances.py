@@ -88,7 +88,8 @@ SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
 SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
 # both where the innovations show an error. Seconds, of a receiver's filter, are taken where slower
 # errors lose by some 14 in -2 log L (planted ones of 60 s have lost by up to 10), ten minutes are
-# the ionosphere's; what is shown is larger as a rule, by more than three claims rarely (chosen)
+# the ionosphere's; what is shown is larger as a rule, up to some claims; from six on hardly rarer,
+# since whoever exceeds a claim by so much does not know its errors (chosen)
 EVERY_S = {1.0: 3e-4, 5.0: 3e-4, **SLOW_S, LONGEST_WINDOW_S: 0.03}
 EVERY_SHARE = {0.5: 0.35, 1.0: 0.2, 1.5: 0.1, 3.0: 0.05, 6.0: 0.03, 12.0: 0.02}
 # factor of the fixes' sigmas below which they are narrowed: nearer to one is as usual (chosen)

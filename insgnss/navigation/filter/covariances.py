@@ -119,8 +119,8 @@ class BlockAgain:
         epochs, n = self.problem.epochs, self.problem.layout.size
         first = b * self.size
         last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
-        own = piece_of_epochs(epochs, front, last)
-        own = own._replace(event=numbered_within(own.event, events))
+        block_epochs = piece_of_epochs(epochs, front, last)
+        block_epochs = block_epochs._replace(event=numbered_within(block_epochs.event, events))
         outage = relabelled(self.outage[front:last])
         count = last - front, n, last - front
         room = history_room(
@@ -129,8 +129,8 @@ class BlockAgain:
         if self.nominal is not None:
             room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
         inputs = forward_inputs(self.problem, self.nominal is None)
-        run_forward(own, copied(self.checkpoints[b]), room, first - front, *inputs)
-        return room, own.event, front, first - front
+        run_forward(block_epochs, copied(self.checkpoints[b]), room, first - front, *inputs)
+        return room, block_epochs.event, front, first - front
 
     def _of_block(self, b: int, rows: np.ndarray) -> Array:
         """Return the triangles of increasing epochs of a block."""

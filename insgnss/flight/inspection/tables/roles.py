@@ -185,10 +185,10 @@ def gnss_roles(grid: UnknownTable) -> Roles | None:
 
 def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
-    named, unnamed = columns, dict[str, str]()
+    named, unread = columns, dict[str, str]()
 
     def without(reasons: dict[str, str]) -> dict[str, int]:
-        unnamed.update(reasons)
+        unread.update(reasons)
         return {role: k for role, k in columns.items() if role not in reasons}
 
     columns = without(_not_finite(grid, columns))
@@ -216,7 +216,7 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set(columns.values()))
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
-    reasons = {named[role]: f"{role}: {why}" for role, why in unnamed.items() if role in named}
+    reasons = {named[role]: f"{role}: {why}" for role, why in unread.items() if role in named}
     return Roles(columns, ticks, week_column(grid), units, repeat_column, unread=reasons)
 
 

@@ -153,13 +153,13 @@ def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, .
 def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) -> str:
     """What a table of a sensor lacks to be of use; empty where it holds none, or lacks nothing."""
     names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
-    values = table.grid.values
+    timed = any(roles is not None and roles.clocks for roles in (samples, fixes))
     texts = [
         name
-        for k, name in enumerate(table.grid.names)
-        if name and clock_names(name) and np.isnan(values[:, k]).mean() > 0.5
+        for name, column in zip(table.grid.names, table.grid.values.T, strict=True)
+        if name and clock_names(name) and np.isnan(column).mean() > 0.5
     ]
-    if texts and not (samples or fixes or Roles({})).clocks:
+    if texts and not timed:
         return (
             f"the column of time {texts[0]} holds no numbers and no dates: times of day alone lack"
             " the day; write seconds, or dates as 2026-05-01 09:00:00.010"
