@@ -69,26 +69,27 @@ def intersected_points(
     """
     block, blocks = problem.block, values.blocks
     cameras = tuple(replace(camera, free=()) for camera in block.cameras)
-    alone = problem_of(replace(block, held=np.ones_like(block.held), cameras=cameras))
-    active = alone.rays.active.copy()
+    held = problem_of(replace(block, held=np.ones_like(block.held), cameras=cameras))
+    active = held.rays.active.copy()
     values = replace(values, blocks={})
-    for k in range(MOST_REJECTIONS):
+    for k in range(MOST_REJECTIONS + 1):
         progress(f"intersecting, round {k + 1}: {int((~active).sum())} observations rejected")
-        result = adjusted(alone.with_active(active), values)
-        done = replace(
-            result,
-            problem=problem.with_active_of(result.problem),
-            values=replace(result.values, blocks=blocks),
+        intersected = adjusted(held.with_active(active), values)
+        with_groups = replace(
+            intersected,
+            problem=problem.with_active_of(intersected.problem),
+            values=replace(intersected.values, blocks=blocks),
         )
-        precision = direct_precision(done)
-        w = np.abs(precision.w[alone.order])
-        unit = max(1.0, float(np.nanmedian(w)) / MEDIAN_SIZE) if np.isfinite(w).any() else 1.0
-        worst = worst_of_points(alone, w, limit_w * unit) & active
-        if keep_all or not worst.any():
+        precision = direct_precision(with_groups)
+        w = np.abs(precision.w[held.order])
+        scale = max(1.0, float(np.nanmedian(w)) / MEDIAN_SIZE) if np.isfinite(w).any() else 1.0
+        worst = worst_of_points(held, w, limit_w * scale) & active
+        # what is rejected has no part in the precision: after the last round nothing more is
+        if keep_all or not worst.any() or k == MOST_REJECTIONS:
             break
         active &= ~worst
-        active &= ~left_alone(alone, active)
-    return precision, np.sort(alone.order[alone.rays.active & ~active])
+        active &= ~left_alone(held, active)
+    return precision, np.sort(held.order[held.rays.active & ~active])
 
 
 def without_rays(problem: Problem) -> Problem:

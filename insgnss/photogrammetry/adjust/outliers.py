@@ -127,12 +127,14 @@ def without_outliers(
     """
     problem, values, active = _robust(problem, values, progress)
     whole, left_out = problem, list[tuple[int, float]]()
-    for k in range(MOST_REJECTIONS):
+    for k in range(MOST_REJECTIONS + 1):
         gone = int(problem.rays.active.sum() - active.sum())
         progress(f"tests, round {k + 1}: {gone} image observations rejected")
         result = adjusted(problem.with_active(active), values)
         values = result.values.completed(values)
         precision = precision_of(result)
+        if k == MOST_REJECTIONS:
+            break  # what is rejected has no part in the precision: nothing more is
         worst = worst_of_points(problem, precision.w[problem.order], limit_w)
         control = _worst_control(whole, precision, left_out, limit_w)
         if control is not None:

@@ -8,6 +8,7 @@ from simulated_blocks import camera, simulated, with_pixels
 
 from insgnss.base.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_vector
+from insgnss.photogrammetry.adjust import direct, outliers
 from insgnss.photogrammetry.adjust.adjustment import adjusted
 from insgnss.photogrammetry.adjust.groups import PoseObservation, control_points
 from insgnss.photogrammetry.adjust.normals import problem_of
@@ -164,3 +165,31 @@ def test_the_last_three_control_points_stay() -> None:
         assert cleaned.control == ()
         largest = max(np.abs(t.w).max() for t in cleaned.precision.groups)
         assert largest > 4.0 or cleaned.rejected.size
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_what_is_rejected_has_no_part_where_the_rounds_run_out(
+    held: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: the adjustment's own observations: those rejected have no residual in it."""
+    for module in (outliers, direct):
+        monkeypatch.setattr(module, "MOST_REJECTIONS", 1)
+    made = simulated(31, cameras=(camera(free=()),), **SHAPE)
+    uv = made.block.observations.uv.copy()
+    uv[:: len(uv) // 40, 0] += 8.0
+    problem = problem_of(with_pixels(made.block, uv), control_points(made.block.control))
+    if held:
+        truth, weight = made.truth, np.diag(np.repeat([1e4, 1e8], 3))
+        poses = [
+            PoseObservation(k, truth.position[k], truth.C_mc[k], weight)
+            for k in range(len(truth.position))
+        ]
+        problem = problem_of(problem.block, poses)
+        precision, rejected = direct.intersected_points(problem, truth)
+    else:
+        cleaned = without_outliers(problem, made.truth)
+        precision, rejected = cleaned.precision, cleaned.rejected
+    used = precision.result.problem
+    assert rejected.size > 3
+    without_part = np.sort(used.order[problem.rays.active & ~used.rays.active])
+    assert without_part.tolist() == rejected.tolist()
