@@ -113,7 +113,7 @@ def covariance_resets(f: Figures) -> Iterator[Finding]:
             "covariance resets",
             TRUST * (1.0 + len(times)),
             text,
-            "look at the fixes before these times: jumps are the receiver's",
+            "look at the fixes before these times: if they jump, leave them out there",
         )
 
 

@@ -271,7 +271,7 @@ def _reasons_of_wide_sigmas(f: Figures) -> Iterator[Inflation]:
     for time in f["covariance_resets_s"]:
         yield Inflation(
             f"the filter lost the GNSS positions before {at_time(f, time)} and began anew there",
-            "look at the GNSS positions before this time: jumps are the receiver's",
+            "look at the GNSS positions before this time: if they jump, leave them out there",
             "covariance resets",
             moves_m=UNREACHABLE,
             span=(time - RESET_S, time + RESET_S),
