@@ -322,9 +322,7 @@ def _without_incorrect_values(case: Case) -> Case | None:
     try:
         alone = solve(bare, start, "off", separations=0, about=solution)
         if case.moving:
-            diagnosed = diagnose(case.search, start, alone).solution
-            if diagnosed.problem.layout.states == alone.problem.layout.states:
-                alone = diagnosed  # the sensors are compared with a flight of the same states
+            alone = diagnose(case.search, start, alone).solution
         result = withhold_incorrect_values(
             solution,
             alone,

@@ -259,7 +259,7 @@ def contradicting_sensor(problem: EstimationProblem, alone: Solution, spell: str
     problem : EstimationProblem
         The problem with the sensors.
     alone : Solution
-        The solution of the same epochs and states without them.
+        The solution of the same epochs without them.
     spell : str
         Where and by how much they differ most, in words.
 

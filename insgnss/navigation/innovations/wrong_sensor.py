@@ -20,7 +20,12 @@ from ...base.units import DEG
 from ...records import Array
 from ...records.measurements import Motion, OwnState
 from ..filter.codes import OF_STATES, VEL
-from ..filter.linearised import about_solution, linearised_about, prediction
+from ..filter.linearised import (
+    about_solution,
+    linearised_about,
+    prediction,
+    with_measurements,
+)
 from ..filter.problem import EstimationProblem, MeasuredRows
 from ..filter.solution import Solution
 
@@ -68,7 +73,7 @@ def explain_sensors(
     problem : EstimationProblem
         The problem with the sensors.
     alone : Solution
-        The solution of the same epochs and states without them.
+        The solution of the same epochs without them; it may have states that the problem lacks.
     names : collection of str, optional
         Those that are asked for; all by default.
 
@@ -77,7 +82,9 @@ def explain_sensors(
     list of WrongSensor
         Without text where none leaves less than `LEFT_AT_MOST` of the squares.
     """
-    posed, _ = linearised_about(problem, alone.nav, alone.x)
+    every = zip(*((m.measurement, m.rows, m.at_epoch) for m in problem.measurements), strict=True)
+    posed = with_measurements(alone.problem, *every)  # with the states that its diagnosis added
+    posed, _ = linearised_about(posed, alone.nav, alone.x)
     about = about_solution(posed, alone.nav, alone.x)
     return [
         _explained(posed, about, number)

@@ -1,5 +1,6 @@
 """Sensors of [[measurement]] with a wrong constant: named, or covered by the sigmas."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -114,11 +115,11 @@ def flown(seed: int):
     return sim, sim.truth.trajectory
 
 
-def estimated(sim, measurement):
+def estimated(sim, measurement, noise="consumer"):
     return insgnss.estimate(
         *(sim.imu, sim.gnss, sim.events),
         mounting=sim.mounting,
-        noise="consumer",
+        noise=noise,
         measurements=[measurement],
     )
 
@@ -158,3 +159,18 @@ def test_stamps_that_are_off_are_named_with_what_puts_them_right(early_s, seed):
     measurement = sensor("heading", path.time, values, np.radians(0.2), seed, {})
     with pytest.raises(InputError, match=CLOCK[early_s]):
         estimated(sim, measurement)
+
+
+@pytest.mark.slow
+def test_stamps_that_are_off_are_named_while_the_imu_warms_up():
+    """Oracle: the tenth of a second put in; the flight without the sensor has states of its own."""
+    sim = insgnss.simulate("ign8", 4.0, imu_rate_hz=50.0, seed=7)
+    course = np.exp((sim.imu.time[0] - sim.imu.time) / 90.0)[:, None] * [1.0, -0.7, 0.5]
+    gyro = sim.imu.gyro + np.radians(150.0 / 3600.0) * course
+    sim = replace(sim, imu=replace(sim.imu, gyro=gyro, accel=sim.imu.accel + 0.05 * course))
+    truth = sim.truth.trajectory
+    path = truth[10:-10]
+    late = heading(truth.at(path.time - 0.1))
+    measurement = sensor("heading", path.time, late, np.radians(0.2), 7, {})
+    with pytest.raises(InputError, match=CLOCK[-0.1]):
+        estimated(sim, measurement, "navchip")
