@@ -44,6 +44,9 @@ from ...records.relative import GAP_S, RELATIVE_FORMS, Form, RelativeControl
 
 # change of course from image to image within a line: turns have more (chosen)
 STRAIGHT_RAD = np.radians(20.0)
+# ways from image to image, over which the course is taken on either side of a corner (chosen): a
+# gust moves a copter aside for one or two images
+COURSE_WAYS = 3
 SHORTEST_M = 0.1  # a shorter way has no direction
 VERTICAL_DRIFT = 1.5  # paper 003, 2.3: factor on the drift about the vertical
 
@@ -106,10 +109,10 @@ def line_pairs(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Find the pairs of consecutive images that lie in one flight line.
 
-    A pair lies in a line if not more than `gap_s` passes in it, if the way from one to the other
-    goes on in the direction of the way before or of the way after it within 20 deg (or has no
-    neighbour within the gap), and if the camera turns about the vertical by less, or the way goes
-    straight on before and after it, as that of a copter which yaws in the wind.
+    A pair lies in a line if not more than `gap_s` passes in it, and if the course over ground has
+    no corner at one of its images at least (or has no neighbour within the gap). A corner is where
+    both the next way and the course over some ways leave the direction by 20 deg. At a corner the
+    camera that turns with the course ends the line; a copter that yaws in the wind does not.
 
     Parameters
     ----------
@@ -132,31 +135,71 @@ def line_pairs(
     n = time.size
     if n < 2:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    near = np.diff(time) <= gap_s
     way = np.diff(position, axis=0)
     way = way - np.einsum("ni,ni->n", way, up[:-1])[:, None] * up[:-1]
-    length = np.linalg.norm(way, axis=1)
-    moved = length > SHORTEST_M
-    along = np.einsum("ni,ni->n", way[:-1], way[1:]) / np.maximum(
-        length[:-1] * length[1:], SHORTEST_M**2
-    )
-    joined = near[:-1] & near[1:] & moved[:-1] & moved[1:]
-    straight = joined & (along > np.cos(STRAIGHT_RAD))
-    on = np.zeros(n - 1, dtype=bool)
-    on[:-1] |= straight
-    on[1:] |= straight
-    isolated = np.ones(n - 1, dtype=bool)
-    isolated[:-1] &= ~joined
-    isolated[1:] &= ~joined
-    through = on.copy()
-    through[:-1] &= straight | ~joined
-    through[1:] &= straight | ~joined
-    turns = np.abs(_turn(C_fc, up)) >= STRAIGHT_RAD
-    on = (on | isolated) & near & moved & (through | ~turns)
-    first = np.flatnonzero(on)
+    near = (np.diff(time) <= gap_s) & (np.linalg.norm(way, axis=1) > SHORTEST_M)
+    joined = near[:-1] & near[1:]
+    corner = _corners(way, near, up[1:-1])
+    straight = joined & (corner == 0.0)
+    on, isolated = np.zeros(n - 1, dtype=bool), np.ones(n - 1, dtype=bool)
+    turn, turns = _turn(C_fc, up), np.zeros(n - 1, dtype=bool)
+    for end in (slice(None, -1), slice(1, None)):
+        on[end] |= straight
+        isolated[end] &= ~joined
+        with_course = np.sign(corner) * turn[end] > 0.5 * np.abs(corner)
+        turns[end] |= with_course & (np.abs(turn[end]) >= STRAIGHT_RAD)
+    first = np.flatnonzero((on | isolated) & near & ~turns)
     goes_on = np.diff(first) == 1
     goes_on &= straight[first[:-1]] if first.size > 1 else goes_on
     return first, 1 + np.concatenate([[0], np.cumsum(~goes_on)])[: first.size].astype(np.int64)
+
+
+def line_numbers(
+    time: Array, position: Array, up: Array, C_fc: Array, gap_s: float = GAP_S
+) -> NDArray[np.int64]:
+    """Number the flight lines of all images.
+
+    Parameters
+    ----------
+    time, position, up, C_fc : ndarray
+        As `line_pairs` has them.
+    gap_s : float
+        Greatest time between the images of a pair, s.
+
+    Returns
+    -------
+    ndarray of int
+        (n,) from 1, zero of an image in no line. One where two lines meet belongs to the first.
+    """
+    first, line = line_pairs(time, position, up, C_fc, gap_s)
+    number = np.zeros(time.size, dtype=np.int64)
+    number[first] = line
+    number[first + 1] = line
+    return number
+
+
+def _corners(way: Array, near: NDArray[np.bool_], up: Array) -> Array:
+    """(n - 2,) rad, by which the course turns about `up` at inner images; zero where no corner is.
+
+    way : (n - 1, 3) m, from each image to the next, across the vertical. near : (n - 1,) whether it
+    is one of a pair.
+    """
+    path = np.vstack([np.zeros(3), np.cumsum(way, axis=0)])
+    image = np.arange(1, len(way))
+    begin, end = image - 1, image + 1
+    for _ in range(COURSE_WAYS - 1):
+        begin = begin - ((begin > 0) & near[begin - 1])
+        end = end + ((end < len(way)) & near[np.minimum(end, len(way) - 1)])
+    corner = _angle(way[:-1], way[1:], up)
+    of_course = _angle(path[image] - path[begin], path[end] - path[image], up)
+    is_corner = np.minimum(np.abs(corner), np.abs(of_course)) > STRAIGHT_RAD
+    return np.where(is_corner & near[:-1] & near[1:], corner, 0.0)
+
+
+def _angle(a: Array, b: Array, up: Array) -> Array:
+    """(k,) rad, from directions a to b (k, 3) about `up`."""
+    about = np.einsum("ni,ni->n", np.cross(a, b), up)
+    return np.asarray(np.arctan2(about, np.einsum("ni,ni->n", a, b)))
 
 
 def _turn(C_fc: Array, up: Array) -> Array:

@@ -1,6 +1,6 @@
 """Which images stand together in one covariance: those of a flight line.
 
-Lines are those of relative control (`navigation.orient.relative.line_pairs`). An image where two
+Lines are those of relative control (`navigation.orient.relative.line_numbers`). An image where two
 lines meet belongs to the first of them, and one in no line has its own covariance alone. Where
 fewer than half of the images lie in lines, as on a drive through bends, all images do, piece by
 piece in the order of time. A line of many images is cut into equal pieces, since its covariance
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...records import ExteriorOrientation
 from .frame import in_frame
-from .relative import line_pairs
+from .relative import line_numbers
 
 MOST_STRIP_IMAGES = 400  # images of a strip: 46 MB
 LARGEST_BYTES = 256e6  # of all strips of a flight; pieces are smaller where it takes more
@@ -41,10 +41,7 @@ def strip_rows(
         Consecutive rows of two images at least, in the order of time; none stands in two strips.
     """
     framed, n = in_frame(eo, "tangent plane"), len(eo)
-    first, line = line_pairs(framed.time, framed.coordinates, framed.C_fE[:, :, 2], framed.C_fc)
-    number = np.zeros(n, dtype=np.int64)
-    number[first] = line
-    number[first + 1] = line
+    number = line_numbers(framed.time, framed.coordinates, framed.C_fE[:, :, 2], framed.C_fc)
     long = np.flatnonzero(np.bincount(number, minlength=1) >= LINE_IMAGES)
     if np.isin(number, long[long > 0]).sum() < IN_LINES * n:
         number[:] = 1

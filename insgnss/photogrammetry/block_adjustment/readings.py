@@ -15,10 +15,9 @@ from ...geodesy.conventions import CAMERA_SETS, JUDGED_ROWS, angles, orders, tur
 from ...geodesy.explain import Candidate
 from ...geodesy.rotation import CV_RUB, right_angle_rotations, rotation_from_vector
 from ...records.block import INTERIOR, Array, BrownCamera
-from ...records.relative import GAP_S
 from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
-from .aerial.relative import breaks
+from .aerial.relative import flight_lines
 from .inputs import BlockInputs
 
 # below which no reading is judged (chosen): three or four unknowns are fitted
@@ -431,8 +430,8 @@ def broken_orders(
         return
     few, names = some_rays(whole, RAYS_OF_IMAGE * order.size), inputs.block.images
     in_order = [names[k] for k in order]
-    number = breaks(inputs.eo, GAP_S)[inputs.eo_row[order]]
-    lines = np.split(np.arange(order.size), np.flatnonzero(np.diff(number)) + 1)
+    rows = inputs.eo_row[order]
+    lines = [np.flatnonzero(np.isin(rows, line)) for line in flight_lines(inputs.eo)]
     lines = [line for line in lines if line.size >= FEWEST_IN_LINE]
     alone = inputs.file.aerial_control.positions_alone
 

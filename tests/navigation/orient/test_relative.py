@@ -233,15 +233,15 @@ def test_a_camera_that_never_turns_is_told_by_its_way() -> None:
 
 def test_a_copter_that_yaws_on_a_straight_way_flies_one_line() -> None:
     """Oracle: the plan: images on a straight way, whose camera turns by 30 deg to and fro, are one
-    line; so is the way back. Beside the step across between both a turn ends the line as ever.
+    line; so is the way back. The step across between both belongs to none.
     """
     time, place, up, C = legs((30.0, 0.0), (-30.0, 0.0), per_leg=10)
     place[10:] += [-30.0, 40.0, 0.0]  # image 10 lies straight north of image 9
     yaw = np.radians(15.0) * (-1.0) ** np.arange(20)
     turned = rotation_from_vector(np.outer(yaw, [0.0, 0.0, 1.0])) @ C[0]
     i, line = line_pairs(time, place, up, turned)
-    assert i.tolist() == [*range(8), *range(11, 19)]
-    assert line.tolist() == [1] * 8 + [2] * 8
+    assert i.tolist() == [*range(9), *range(10, 19)]
+    assert line.tolist() == [1] * 9 + [2] * 9
 
 
 def test_gap_ends_a_line() -> None:

@@ -37,7 +37,7 @@ from ...adjust.groups import ObservationGroup
 from ...adjust.unknowns import Key
 from ..inputs import BlockInputs
 from ..parameters import MOUNTING_PARAMETERS, prior, priors
-from .relative import StripErrors, absolute_group, breaks, relative_groups
+from .relative import StripErrors, absolute_group, chains, flight_lines, relative_groups
 
 SHORTEST_STEP_S = 1e-3  # between images: no camera is as fast, and equal stamps divide by nothing
 LONGEST_CHAIN_IMAGES = 200  # of one group (chosen): its dense covariance is 1200 x 1200, 12 MB
@@ -98,7 +98,7 @@ def control_of(inputs: BlockInputs, whole: Sequence[tuple[Rows, Array]] | None =
     image_of[inputs.eo_row[with_pose]] = np.flatnonzero(with_pose)
     kind, pieces = _pieces(eo, options) if whole is None else ("whole", iter(whole))
     common = read_common_errors(_beside(options), eo) if kind == "strip" else None
-    motion, line = _motion(eo, options), breaks(eo, options.gap_s)
+    motion, chain = _motion(eo, options), chains(eo, options.gap_s)
     other_lines = _other_lines(eo, options)
     shared = priors(inputs.file, MOUNTING_PARAMETERS)
     blocks: dict[Key, Array] = {one.key: one.value for one in shared}
@@ -141,7 +141,7 @@ def control_of(inputs: BlockInputs, whole: Sequence[tuple[Rows, Array]] | None =
             cov[np.ix_(positions, positions)] += within
         strip = StripErrors(rows, image_of[rows], cov, factor, parameters)
         if control in RELATIVE:
-            groups += relative_groups(strip, control, eo, motion, line, options)
+            groups += relative_groups(strip, control, eo, motion, chain, options)
         else:
             groups.append(absolute_group(strip, control, eo, motion, options))
         lines.append(image_of[rows])
@@ -315,8 +315,7 @@ def _strips(eo: ExteriorOrientation, path: Path) -> Iterator[tuple[Rows, Array]]
 
 def _lines(eo: ExteriorOrientation) -> Iterator[Rows]:
     """Return the rows of the images of each flight line, of a long one in pieces."""
-    number = breaks(eo, GAP_S)
-    for rows in np.split(np.arange(len(eo)), np.flatnonzero(np.diff(number)) + 1):
+    for rows in flight_lines(eo):
         yield from (
             rows[k : k + LONGEST_CHAIN_IMAGES] for k in range(0, rows.size, LONGEST_CHAIN_IMAGES)
         )

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....flight.config.block_tables.aerial_control import AerialControlTable
-from ....navigation.orient.relative import line_pairs
+from ....navigation.orient.relative import line_numbers, line_pairs
 from ....records import ExteriorOrientation
 from ....records.block import Array
+from ....records.relative import GAP_S
 from ....records.rows import covariance_of_rows
 from ...adjust.aerial import BORESIGHT, COMMON_OF_TRAJECTORY, SHIFT, AerialControl
 from ...adjust.groups import ObservationGroup, weight_of
@@ -32,6 +33,7 @@ from ...adjust.relative import (
 
 Rows = NDArray[np.int64]
 WEAK_DATUM = "weak datum"
+UP = np.array([0.0, 0.0, 1.0])  # of the tangent plane
 HELD_BY_NOTHING = 0.99
 """Redundancy number of a weak datum below which the rest knows it no ten times better than it does
 itself: several data of lines that tie points join are redundant of each other."""
@@ -79,23 +81,35 @@ class StripErrors(NamedTuple):
         return tuple(self.images.tolist()), *pose, eo.time[rows], velocity[rows], rate[rows]
 
 
-def breaks(eo: ExteriorOrientation, gap_s: float) -> Rows:
-    """Number the flight lines of all images.
+def flight_lines(eo: ExteriorOrientation) -> list[Rows]:
+    """Return the rows of the images of each flight line, in order; an image in none is by itself.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The images, by time.
+    """
+    number = line_numbers(eo.time, eo.position_m, np.tile(UP, (len(eo), 1)), eo.C_mc, GAP_S)
+    begins = (np.diff(number) != 0) | (number[1:] == 0)
+    return np.split(np.arange(len(eo)), np.flatnonzero(begins) + 1)
+
+
+def chains(eo: ExteriorOrientation, gap_s: float) -> Rows:
+    """Number the images that pairs tie together: lines that meet in an image are one chain.
 
     Parameters
     ----------
     eo : ExteriorOrientation
         The images.
     gap_s : float
-        Longest time between neighbours of a line, s.
+        Longest time between the images of a pair, s.
 
     Returns
     -------
     ndarray of int, (n,)
-        The same number for images of one line, increasing; an image in none has its own.
+        The same number for images of one chain, increasing; an image in none has its own.
     """
-    up = np.tile([0.0, 0.0, 1.0], (len(eo), 1))
-    first, _ = line_pairs(eo.time, eo.position_m, up, eo.C_mc, gap_s)
+    first, _ = line_pairs(eo.time, eo.position_m, np.tile(UP, (len(eo), 1)), eo.C_mc, gap_s)
     follows = np.zeros(len(eo), dtype=bool)
     follows[first + 1] = True
     return np.cumsum(~follows).astype(np.int64)
@@ -141,7 +155,7 @@ def relative_groups(
     control: str,
     eo: ExteriorOrientation,
     motion: tuple[Array, Array],
-    line: Rows,
+    chain: Rows,
     options: AerialControlTable,
 ) -> list[ObservationGroup]:
     """Return relative control of a strip as observation groups.
@@ -156,8 +170,8 @@ def relative_groups(
         The orientation.
     motion : tuple of ndarray
         (n, 3) velocities, m/s, and rates, rad/s, of all its images.
-    line : ndarray of int
-        Number of the flight line of all its images.
+    chain : ndarray of int
+        Number of the chain of all its images (`chains`).
     options : AerialControlTable
         Weights, gaps, standard deviations of the datum.
 
@@ -168,7 +182,7 @@ def relative_groups(
     """
     rows = strip.rows
     position, turns = control.startswith("Rp"), control.endswith("Ra")
-    follows = (np.diff(line[rows]) == 0) & (np.diff(eo.time[rows]) <= options.gap_s)
+    follows = (np.diff(chain[rows]) == 0) & (np.diff(eo.time[rows]) <= options.gap_s)
     pairs = np.flatnonzero(follows)[:, None] + np.arange(2)
     observed = ObservedStrip("relative" if position else "absolute", turns, pairs)
     groups: list[ObservationGroup] = []
@@ -199,9 +213,9 @@ def relative_groups(
         options.datum_sigma_m if position else np.inf,
         float(np.radians(options.datum_sigma_deg)) if turns else np.inf,
     )
-    for chain in np.split(np.arange(rows.size), np.flatnonzero(~follows) + 1):
-        middle = int(chain[chain.size // 2])
-        i, size = int(strip.images[middle]), int(chain.size)
+    for tied in np.split(np.arange(rows.size), np.flatnonzero(~follows) + 1):
+        middle = int(tied[tied.size // 2])
+        i, size = int(strip.images[middle]), int(tied.size)
         groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, WEAK_DATUM))
     return groups
 
