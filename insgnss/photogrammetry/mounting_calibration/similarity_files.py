@@ -25,6 +25,7 @@ from ...io.formats.returned.cameras import read_camera
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..comparison.hints import Hints
+from ..lever_arm.angle_readings import better_angles
 from ..lever_arm.flight_direction import (
     FlightDirection,
     flight_direction,
@@ -127,7 +128,9 @@ def calibrate_similarity(
     time = None if fixes.time is None else fixes.time[order]
     result, notes = _with_correlation(result, poses, notes)
     C_mc = result.frame.rotation @ camera.C_rc
-    notes += misread_angles(C_mc, result.frame.rotation, camera.opk, (position, time), cameras.name)
+    notes += misread_angles(
+        C_mc, result.frame.rotation, camera.opk, (position, time), cameras.name
+    ) or better_angles(poses, ground, camera.opk, _growth(result).max(), cameras.name)
     direction = flight_direction(position, C_mc, time)
     along_flight = None if direction is None else _AlongFlight.of(result, direction)
     if along_flight is not None:
@@ -283,7 +286,6 @@ def _with_correlation(
     Of n values with a correlation rho of neighbours the mean has the weight of n (1 - rho) /
     (1 + rho) independent ones.
     """
-    rho = neighbour_correlation(result.residual_m)
     if result.variance_factor < OPTIMISTIC:
         rms = float(np.sqrt((result.residual_m**2).mean()))
         usual = float(np.sqrt(np.median(np.trace(poses.antenna_cov, axis1=1, axis2=2)) / 3.0))
@@ -291,9 +293,9 @@ def _with_correlation(
             f"residuals of {rms:.2g} m rms are smaller than the antenna's standard deviations"
             f" say ({usual:.2g} m), which seem to be a default setting; give --antenna-sigma",
         )
+    rho, growth = neighbour_correlation(result.residual_m), _growth(result)
     if not (rho > 0.0).any():
         return result, notes
-    growth = (1.0 + rho) / (1.0 - rho)
     horizontal, vertical = float(growth[:2].max()), float(growth[2])
     up = np.abs(result.vertical) > 0.7
     each = np.ones(10)
@@ -307,6 +309,12 @@ def _with_correlation(
         f" {np.sqrt(horizontal):.1f} (horizontal) and {np.sqrt(vertical):.1f} (vertical)",
     )
     return replace(result, cov=result.cov * np.outer(root, root)), notes
+
+
+def _growth(result: SimilarityLeverArm) -> Array:
+    """Return by how much the variance of a mean grows as neighbouring residuals are alike (3,)."""
+    rho = neighbour_correlation(result.residual_m)
+    return (1.0 + rho) / (1.0 - rho)
 
 
 @dataclass(frozen=True, eq=False)

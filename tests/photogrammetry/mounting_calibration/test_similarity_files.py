@@ -472,3 +472,27 @@ def test_angles_that_no_residual_shows_are_asked_about(name, turn_deg, tmp_path)
     notes = " ".join(notes.split())
     assert ("askew to their courses" in notes) == bool(clause)
     assert clause in notes
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ([1, 0, 2], "omega and phi exchanged|phi omega kappa"),
+        (None, ""),
+    ],
+)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_omega_and_phi_that_are_exchanged_are_asked_for(tmp_path, capsys, change, words, seed):
+    """Oracle: the columns that were exchanged, which leave cameras as level and along courses."""
+    flown = Flown(seed=seed)
+    flown.centres = flown.T + flown.scale * (flown.centres @ flown.axes.T)
+    flown.C = flown.axes @ flown.C
+    if change is not None:
+        angles = Rotation.from_matrix(flown.C @ NADIR).as_euler("XYZ")[:, change]
+        flown.C = Rotation.from_euler("XYZ", angles).as_matrix() @ NADIR
+    flown.write(tmp_path)
+    run(tmp_path)
+    captured = capsys.readouterr()
+    asked = [row for row in (captured.out + captured.err).split("\n") if "read rightly" in row]
+    assert bool(asked) == bool(words)
+    assert re.search(words, " ".join((captured.out + captured.err).split()))
