@@ -15,6 +15,7 @@ import numpy as np
 
 from ...base.errors import DataError, InputError
 from ...base.files import picked
+from ...base.units import FOOT_M
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
 from ...geodesy.frames import TangentPlane
@@ -71,6 +72,7 @@ ALIKE = (
     " camera axes, as of a principal point, moves the lever arm by as much (calibrate"
     " mounting accounts for it)"
 )
+SAME_SCALE = 3e-3  # of the scale to that of a foot: a block of a free net has it once in a hundred
 OPTIMISTIC = 0.25  # variance factor below which standard deviations are a setting
 
 
@@ -135,6 +137,7 @@ def calibrate_similarity(
     along_flight = None if direction is None else _AlongFlight.of(result, direction)
     if along_flight is not None:
         notes += (along_flight.note,)
+    notes += _of_feet(result.frame.scale, antenna.name)
     notes += (*_as_they_stand(camera, position, fixes.plane), ALIKE)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
     origin = provenance(inputs, camera.cameras, options.photo, options.date or camera.date)
@@ -382,6 +385,16 @@ class _AlongFlight:
             f"{text}: a delay of the exposures; calibrate mounting, which uses the flight,"
             " estimates the delay"
         )
+
+
+def _of_feet(scale: float, antenna: str) -> tuple[str, ...]:
+    """Ask whether antenna positions are feet where they are as many times as far apart as poses."""
+    if abs(FOOT_M * scale - 1.0) > SAME_SCALE:
+        return ()
+    return (
+        f"positions of {antenna} are {scale:.4f} times as far apart as the poses: are they feet?"
+        f" The lever arm is too long by this factor if so; multiply them by {FOOT_M}",
+    )
 
 
 def _as_they_stand(
