@@ -55,9 +55,9 @@ from .exchanged_axes import right_handed
 from .page import inspection_document, numbers_of
 from .result import InspectionData, Recorded
 from .rinex.result import RinexInspection
-from .rinex.survey import survey
+from .rinex.survey import Survey, survey
 from .sensing import sense
-from .sources import InputSource, Role, as_long_as, on_one_clock, overlap
+from .sources import InputSource, LeftOut, Role, as_long_as, in_ticks, on_one_clock, overlap
 from .tables.grids import date_in
 from .tables.halves import of_two_halves
 
@@ -144,6 +144,24 @@ def inspect_files(
     imu_source, gnss_source, events_source = _choose(discovery, paths)
     if gnss_source is not None:
         imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
+    of_files = _name(paths), discovery.left_out, rinex
+    recorded = _recorded(of_files, imu_source, gnss_source, events_source, progress)
+    counting = in_ticks(imu_source, recorded.imu, recorded.gnss, recorded.recognition)
+    if counting != imu_source:
+        recorded = _recorded(of_files, counting, gnss_source, events_source, progress)
+    progress("measuring noise")
+    return _inspection(recorded)
+
+
+def _recorded(
+    of_files: tuple[str, tuple[LeftOut, ...], Survey | None],
+    imu_source: InputSource,
+    gnss_source: InputSource | None,
+    events_source: InputSource | None,
+    progress: Progress,
+) -> Recorded:
+    """Read the sources and recognise what they hold; of the files name, those left out, RINEX."""
+    name, left_out, rinex = of_files
     progress("reading")
     imu, gnss, events = _read(imu_source, gnss_source, events_source)
     if gnss is not None and (ticks := as_long_as(imu_source, imu, gnss)) != imu_source:
@@ -156,7 +174,8 @@ def inspect_files(
     clock = clock_of_events((imu_source, gnss_source, events_source), imu, gnss, events)
     imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
     if known_week is not None and rinex is not None and rinex.rover is not None:
-        known_week = rinex.rover.gps_week, f"of the epochs of {rinex.rover.files[0].name}"
+        rover = rinex.rover
+        known_week = rover.gps_week, f"of the epochs of {rover.files[0].name}"
     sources = tuple(
         source for source in (imu_source, gnss_source, events_source) if source is not None
     )
@@ -168,22 +187,8 @@ def inspect_files(
         sources = (imu_source, *aiding)
     if recognition is not None:
         recognition = in_units_of_file(imu_source, recognition)
-    progress("measuring noise")
-    return _inspection(
-        Recorded(
-            _name(paths),
-            sources,
-            discovery.left_out,
-            imu,
-            gnss,
-            events,
-            recognition,
-            unrecognised,
-            known_week,
-            clock,
-            rinex,
-        )
-    )
+    records = imu, gnss, events, recognition, unrecognised, known_week, clock
+    return Recorded(name, sources, left_out, *records, rinex)
 
 
 def _choose(

@@ -6,6 +6,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from ...io.formats.text.units import unit_factor
+from ...navigation.recognise.claims import ticks_of_counter
+from ...navigation.recognise.recognition import Recognition
 from ...records import GnssFixes, ImuSamples
 
 Role = Literal["imu", "gnss", "events", "gyro", "accel"]  # the last two: half an IMU
@@ -138,6 +141,28 @@ def as_long_as(imu: InputSource, samples: ImuSamples, fixes: GnssFixes) -> Input
         keys=imu.keys | {"units": units},
         why=imu.why | {"units": f"{imu.why['units']}; {comparison}"},
     )
+
+
+def in_ticks(
+    imu: InputSource,
+    samples: ImuSamples,
+    fixes: GnssFixes | None,
+    recognition: Recognition | None,
+) -> InputSource:
+    """Correct the unit of the samples' clock where the stamps count the ticks of a counter.
+
+    A unit that the header gives is kept.
+    """
+    unit = imu.keys.get("units", {}).get("time", "s")
+    if fixes is None or recognition is None or STEP_REASON not in imu.why.get("units", ""):
+        return imu
+    counter = ticks_of_counter(samples, fixes, unit_factor(unit, "time"), recognition)
+    if counter is None:
+        return imu
+    hertz, evidence = counter
+    units = {**imu.keys["units"], "time": f"{1e6 / hertz:.12g} us"}
+    why = imu.why | {"units": f"{imu.why['units']}; {evidence}"}
+    return replace(imu, keys=imu.keys | {"units": units}, why=why)
 
 
 def overlap(a: tuple[float, float] | None, b: tuple[float, float] | None) -> float:

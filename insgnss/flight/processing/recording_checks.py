@@ -13,9 +13,10 @@ import numpy as np
 from ...io.exposures.pauses import EXPOSURE_CLOCK, check_even_intervals
 from ...io.exposures.rig import CameraExposures
 from ...io.formats.text.clock import CLOCK_STEP
+from ...io.formats.text.units import unit_factor
 from ...navigation.diagnosis.evidence import check_turn_on, without_turn_on
 from ...navigation.noise_model.model import NoiseModel
-from ...navigation.recognise.claims import with_set_clock
+from ...navigation.recognise.claims import with_set_clock, with_ticks
 from ...navigation.recognise.plausibility import check_recording
 from ...navigation.recognise.turns import check_events, exposure_ways
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question
@@ -44,7 +45,12 @@ def check_plausibility(flight: Flight, observed: Observed) -> list[Finding]:
     origin = None if plane is None else np.asarray(plane.origin)
     events, clock = (cameras[0].events, cameras[0].clock) if cameras else (None, "")
     findings = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
-    return findings if flight.gnss.stationary is not None else with_set_clock(findings, imu, gnss)
+    if flight.gnss.stationary is not None:
+        return findings
+    unit = (flight.imu.units or {}).get("time")
+    if unit is not None:
+        findings = with_ticks(findings, imu, gnss, unit_factor(unit, "time"))
+    return with_set_clock(findings, imu, gnss)
 
 
 def check_set_clock(flight: Flight, observed: Observed) -> list[Finding]:

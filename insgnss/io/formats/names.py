@@ -25,6 +25,14 @@ def sigma_names(axes: str) -> str:
     return spelled("sd std sigma rms acc stdev", axes)
 
 
+def deviations(axes: str) -> str:
+    """Return what else `inspect` takes for a standard deviation along an axis of these names."""
+    return " ".join(
+        f"~{axis}_standard_deviation ~{axis}_accuracy ~{axis}_stdev ~pos_{axis}_stdev"
+        for axis in axes.split()
+    )
+
+
 @cache
 def taken_by_readers(names: str) -> tuple[str, ...]:
     """Return the names of a row that readers take."""
@@ -47,9 +55,10 @@ TIME: Names = {
     f"{spelled(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
     "week": "week gpsweek gps_week wn wnc ~gwk ~wk",
 }
-# nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can
-# name it
-FINE: Names = {"nsec": ""}
+# parts of a second beside the seconds of `tow`, where a clock stands in two columns, and what one
+# of them is (s); only `columns` can name them
+FRACTIONS_S = {"nsec": 1e-9, "usec": 1e-6}
+FINE: Names = dict.fromkeys(FRACTIONS_S, "")
 GYRO_STEMS = "g gyro gyr gyroscope w omega rate angular_rate angular_velocity dtheta"
 ACCEL_STEMS = "a acc accel accelerometer f acceleration linear_acceleration dv dvel"
 IMU: Names = {
@@ -62,22 +71,22 @@ IMU: Names = {
 }
 GNSS: Names = {
     **TIME,
-    "lat": "lat latitude lat_deg phi_deg b ~latitude_d ~latitude_deg ~lat_rad ~gps_lat ~breite"
-    " ~breitengrad",
-    "lon": "lon lng long longitude lon_deg lambda l ~lng_deg ~longitude_deg ~lon_rad ~gps_lon"
-    " ~gps_lng ~laenge ~lnge ~laengengrad ~lngengrad",
+    "lat": "lat latitude lat_deg phi_deg b ~latitude_d ~latitude_deg ~lat_rad ~gps_lat ~pos_lat"
+    " ~breite ~breitengrad",
+    "lon": "lon lng long longitude lon_deg lambda l ~pos_lon ~lng_deg ~longitude_deg ~lon_rad"
+    " ~gps_lon ~gps_lng ~laenge ~lnge ~laengengrad ~lngengrad",
     "h": "h_ell ellheight ell_height ~alt_ellipsoid ellipsoid_height ellipsoidal_height"
-    " ~height_ellipsoid up_ell alt altitude ~alt_m ~altitude_m ~gps_alt hgt height ~height_m h_m"
-    " ~alt_msl ~height_msl ~elevation ~ele ~hoehe ~hhe h",
+    " ~height_ellipsoid up_ell alt altitude ~alt_m ~altitude_m ~gps_alt ~pos_alt hgt"
+    " height ~height_m h_m ~alt_msl ~height_msl ~elevation ~ele ~hoehe ~hhe h",
     # geocentric, and local about a reference point (`gnss.cartesian`)
     **{axis: f"{axis}_ecef ecef_{axis} ecef{axis} {axis}ecef ~{axis}" for axis in "xyz"},
     **{f"sd_{axis}": sigma_names(axis) for axis in "xyz"},
     **{axis: f"{axis} {axis}_m pos_{axis} position_{axis}" for axis in ("north", "east", "up")},
     "down": "down down_m pos_down position_down",
-    "sd_n": sigma_names("n north lat latitude n_m"),
-    "sd_e": sigma_names("e east lon longitude e_m"),
+    "sd_n": f"{sigma_names('n north lat latitude n_m')} {deviations('lat latitude north')}",
+    "sd_e": f"{sigma_names('e east lon longitude e_m')} {deviations('lon longitude east')}",
     "sd_u": f"{sigma_names('u up d down h height alt u_m')} ~vacc ~vaccm ~epv ~epvm"
-    " ~vertical_accuracy ~vaccuracy ~accuracy_vertical",
+    f" ~vertical_accuracy ~vaccuracy ~accuracy_vertical {deviations('height alt altitude down')}",
     "sd_ne": "~hacc ~hacch ~haccm ~eph ~ephm ~horizontal_accuracy ~haccuracy ~accuracy_horizontal",
     # of ROS, along east, north and up
     "var_n": "~position_covariance4",

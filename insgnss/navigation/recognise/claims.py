@@ -21,7 +21,7 @@ from ..prepare.axes import axes_words
 from ..prepare.gaps import find_gaps, nominal_interval
 from .axes import imu_word
 from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong
-from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise_between
+from .recognition import EXCHANGED_ADVICE, LOOKED_AT_S, Recognition, recognise, recognise_between
 from .turns import OF_TURNS
 from .units import ACCEL_UNITS, GYRO_UNITS
 
@@ -36,6 +36,16 @@ OTHER_S = 5.0  # by which another closing differs, s, or half of the pause: turn
 # times that the right closing leaves less unexplained than any other; a pause that was one leaves
 # more, not less (chosen)
 CLEARLY = 1.5
+# Hz: counters of oscillators that loggers write as stamps: powers of two (watch crystals), sensor
+# times of Bosch (39.0625 us) and 32 us, 16 us timers, DJI, Qualcomm's and Arm's generic timers
+COUNTERS_HZ = (*(float(2**k) for k in range(8, 25)), 25600.0, 31250.0, 62500.0, 4.5e6, 19.2e6, 24e6)
+# ratio: the samples may last so many times longer or shorter than the fixes in the right tick
+LENGTHS_APART = 2.5
+# times that the right tick leaves less unexplained than the claimed one, and share of the motion
+# that it may leave: a tick 2 % off leaves 200 times as much, a tenth (measured on four minutes)
+CLEARLY_TICKS, MOST_OF_TICKS = 2.0, 0.1
+# of the motion that GNSS saw: a clock that leaves less unexplained is right to 0.5 % (measured)
+EXPLAINED_SHARE = 0.03
 Exchange = Callable[[tuple[int, int]], Remedy]
 
 
@@ -302,6 +312,77 @@ def check_set_clock(imu: ImuSamples, gnss: GnssFixes) -> Finding | None:
     return None
 
 
+def with_ticks(
+    checks: list[Finding], imu: ImuSamples, gnss: GnssFixes, unit_s: float
+) -> list[Finding]:
+    """Return checks with that of the ticks of the IMU's stamps instead of contradicted turns.
+
+    Parameters
+    ----------
+    checks : list of Finding
+    imu : ImuSamples
+    gnss : GnssFixes
+    unit_s : float, s
+        What the flight file says that one count of the stamps is.
+    """
+    if not any(check.name == OF_TURNS and check.verdict == "contradiction" for check in checks):
+        return checks
+    counter = ticks_of_counter(imu, gnss, unit_s, recognise(imu, gnss))
+    if counter is None:
+        return checks
+    hertz, evidence = counter
+    of_ticks = Question("recognised clock", f"stamps that count {unit_s:g} s").contradiction(
+        evidence, Step("{}", SetKey("imu.units time", f"{1e6 / hertz:.12g} us"))
+    )
+    return [of_ticks, *(check for check in checks if check.name != OF_TURNS)]
+
+
+def ticks_of_counter(
+    imu: ImuSamples, gnss: GnssFixes, unit_s: float, recognition: Recognition
+) -> tuple[float, str] | None:
+    """Find the counter whose ticks the stamps are, where they are no decimal part of a second.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    gnss : GnssFixes
+    unit_s : float, s
+        What one count of the stamps was taken for.
+    recognition : Recognition
+        Of both with that unit.
+
+    Returns
+    -------
+    tuple of float and str, or None
+        Ticks per second, Hz, and the evidence; None where no counter explains the motion
+        `CLEARLY_TICKS` better, or the unit explains it as it is.
+    """
+    claimed = unexplained(recognition)
+    if claimed < EXPLAINED_SHARE:
+        return None
+    ratio = (imu.time[-1] - imu.time[0]) / max(gnss.time[-1] - gnss.time[0], 1.0) / unit_s
+    tries = []
+    for hertz in COUNTERS_HZ:
+        if 1.0 / LENGTHS_APART < ratio / hertz < LENGTHS_APART:
+            start = imu.time[0]
+            counted = replace(imu, time=start + (imu.time - start) / (unit_s * hertz))
+            tries.append((unexplained(recognise(counted, gnss)), hertz))
+    misfit, hertz = min(tries, default=(1.0, 0.0))
+    if misfit > MOST_OF_TICKS or CLEARLY_TICKS * misfit > claimed:
+        return None
+    return hertz, (
+        f"counts of 1/{hertz:.0f} s explain {1.0 - misfit:.1%} of the motion that GNSS saw, counts"
+        f" of {unit_s:g} s {1.0 - claimed:.1%}"
+    )
+
+
+def unexplained(recognition: Recognition) -> float:
+    """Return the share of the motion that GNSS saw and the IMU does not; 1 where none is sure."""
+    if recognition.finding("time offset").confidence <= SURE_OF_EXCHANGE:
+        return 1.0
+    return 1.0 - float(recognition.curves["lag_score"].max())
+
+
 def _moved(imu: ImuSamples, rows: slice, by: float) -> ImuSamples:
     """Return the samples with the stamps of some moved."""
     time = imu.time.copy()
@@ -318,6 +399,5 @@ def _misfit(imu: ImuSamples, gnss: GnssFixes, instant: float) -> tuple[float, fl
     if not ((gnss.time >= lo) & (gnss.time < hi)).any():
         return 1.0, 0.0
     recognition = recognise_between(imu, gnss, lo, hi)
-    if recognition.finding("time offset").confidence <= SURE_OF_EXCHANGE:
-        return 1.0, 0.0
-    return 1.0 - float(recognition.curves["lag_score"].max()), recognition.time_offset_s
+    misfit = unexplained(recognition)
+    return misfit, recognition.time_offset_s if misfit < 1.0 else 0.0

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,10 +11,12 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.inputs import is_file
+from ...base.units import FOOT_M
 from ...base.wording import some
 from ...geodesy.crs import is_geographic
 from ...geodesy.frames import TangentPlane
 from ...geodesy.gpstime import calendar_from_gps
+from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
 from ...io.formats.blocks.joined import matched
@@ -33,7 +36,7 @@ from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
 from ..comparison.compare import largest_difference
 from ..comparison.hints import Hints, turned
-from ..comparison.poses import FarError, Poses, degrees_for_metres
+from ..comparison.poses import FAR_DEG, FarError, Poses, degrees_for_metres
 from ..comparison.position import SHIFT_M
 from ..comparison.reading import read_poses, sniff_poses
 from ..comparison.returned import framed_coordinates, placed_poses
@@ -411,11 +414,30 @@ def placed_positions(
     if not crs or "LOCAL_CS" in crs or "ENGCRS" in crs:
         return Positions(path, ground.points, ground.position_m, ground.cov)
     axes = GroundAxes(crs, geoid)
+    lat, lon, h = axes.geodetic(ground.position_m)
+    if (projection := axes.projection) is not None:
+        _refuse_outside(path, ground.position_m, projection, projection.degrees_outside(lat, lon))
     if plane is None:
-        lat, lon, h = axes.geodetic(ground.position_m)
         plane = TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
     placed = ground.in_plane(axes, plane)
     return Positions(path, placed.points, placed.position_m, placed.cov, plane)
+
+
+def _refuse_outside(path: Path, x: Array, projection: MapProjection, far_deg: float) -> None:
+    """Refuse positions far from the area of their CRS, where a similarity would stretch them."""
+    if far_deg <= FAR_DEG:
+        return
+    other = ""
+    for reading, y in (("x and y are exchanged", x[:, [1, 0, 2]]), ("they are feet", FOOT_M * x)):
+        with suppress(InputError):
+            lat, lon, _ = projection.inverse(y)
+            if projection.degrees_outside(lat, lon) == 0.0:
+                other = f"; inside it if {reading}"
+    raise InputError(
+        f"{path}: positions such as {x[0, 0]:.3f} {x[0, 1]:.3f} lie outside the area of"
+        f" {projection.name}{other}; give their own CRS and unit, with --crs, or add what was"
+        " subtracted from them"
+    )
 
 
 def joined(

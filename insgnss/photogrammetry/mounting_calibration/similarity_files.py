@@ -15,6 +15,7 @@ import numpy as np
 
 from ...base.errors import DataError, InputError
 from ...base.files import picked
+from ...base.units import FOOT_M
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
 from ...geodesy.frames import TangentPlane
@@ -25,6 +26,7 @@ from ...io.formats.returned.cameras import read_camera
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..comparison.hints import Hints
+from ..lever_arm.angle_readings import better_angles
 from ..lever_arm.flight_direction import (
     FlightDirection,
     flight_direction,
@@ -70,6 +72,7 @@ ALIKE = (
     " camera axes, as of a principal point, moves the lever arm by as much (calibrate"
     " mounting accounts for it)"
 )
+SAME_SCALE = 3e-3  # of the scale to that of a foot: a block of a free net has it once in a hundred
 OPTIMISTIC = 0.25  # variance factor below which standard deviations are a setting
 
 
@@ -127,11 +130,14 @@ def calibrate_similarity(
     time = None if fixes.time is None else fixes.time[order]
     result, notes = _with_correlation(result, poses, notes)
     C_mc = result.frame.rotation @ camera.C_rc
-    notes += misread_angles(C_mc, result.frame.rotation, camera.opk, (position, time), cameras.name)
+    notes += misread_angles(
+        C_mc, result.frame.rotation, camera.opk, (position, time), cameras.name
+    ) or better_angles(poses, ground, camera.opk, _growth(result).max(), cameras.name)
     direction = flight_direction(position, C_mc, time)
     along_flight = None if direction is None else _AlongFlight.of(result, direction)
     if along_flight is not None:
         notes += (along_flight.note,)
+    notes += _of_feet(result.frame.scale, antenna.name)
     notes += (*_as_they_stand(camera, position, fixes.plane), ALIKE)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
     origin = provenance(inputs, camera.cameras, options.photo, options.date or camera.date)
@@ -283,7 +289,6 @@ def _with_correlation(
     Of n values with a correlation rho of neighbours the mean has the weight of n (1 - rho) /
     (1 + rho) independent ones.
     """
-    rho = neighbour_correlation(result.residual_m)
     if result.variance_factor < OPTIMISTIC:
         rms = float(np.sqrt((result.residual_m**2).mean()))
         usual = float(np.sqrt(np.median(np.trace(poses.antenna_cov, axis1=1, axis2=2)) / 3.0))
@@ -291,9 +296,9 @@ def _with_correlation(
             f"residuals of {rms:.2g} m rms are smaller than the antenna's standard deviations"
             f" say ({usual:.2g} m), which seem to be a default setting; give --antenna-sigma",
         )
+    rho, growth = neighbour_correlation(result.residual_m), _growth(result)
     if not (rho > 0.0).any():
         return result, notes
-    growth = (1.0 + rho) / (1.0 - rho)
     horizontal, vertical = float(growth[:2].max()), float(growth[2])
     up = np.abs(result.vertical) > 0.7
     each = np.ones(10)
@@ -307,6 +312,12 @@ def _with_correlation(
         f" {np.sqrt(horizontal):.1f} (horizontal) and {np.sqrt(vertical):.1f} (vertical)",
     )
     return replace(result, cov=result.cov * np.outer(root, root)), notes
+
+
+def _growth(result: SimilarityLeverArm) -> Array:
+    """Return by how much the variance of a mean grows as neighbouring residuals are alike (3,)."""
+    rho = neighbour_correlation(result.residual_m)
+    return (1.0 + rho) / (1.0 - rho)
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,6 +385,16 @@ class _AlongFlight:
             f"{text}: a delay of the exposures; calibrate mounting, which uses the flight,"
             " estimates the delay"
         )
+
+
+def _of_feet(scale: float, antenna: str) -> tuple[str, ...]:
+    """Ask whether antenna positions are feet where they are as many times as far apart as poses."""
+    if abs(FOOT_M * scale - 1.0) > SAME_SCALE:
+        return ()
+    return (
+        f"positions of {antenna} are {scale:.4f} times as far apart as the poses: are they feet?"
+        f" The lever arm is too long by this factor if so; multiply them by {FOOT_M}",
+    )
 
 
 def _as_they_stand(

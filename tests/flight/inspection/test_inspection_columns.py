@@ -10,7 +10,7 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.flight.inspection.run import _read as read_sources
 from insgnss.flight.inspection.sources import InputSource, as_long_as
-from insgnss.flight.inspection.tables.clocks import is_clock_of, seconds_and_nanoseconds
+from insgnss.flight.inspection.tables.clocks import is_clock_of, seconds_and_fractions
 from insgnss.flight.inspection.tables.exposures import exposures_of
 from insgnss.flight.inspection.tables.grids import GridTable, tables_of_file
 from insgnss.flight.inspection.tables.names import UnknownTable
@@ -173,10 +173,10 @@ def test_a_column_that_ends_in_nothing_is_no_clock():
     assert not is_clock_of(grid, 2, 0)
 
 
-def test_seconds_and_nanoseconds_are_one_clock(tmp_path):
+def test_seconds_and_fractions_are_one_clock(tmp_path):
     """Oracle: the sum of both columns, which rises by 0.01 s."""
     names = ("header.stamp.secs", "header.stamp.nsecs")
-    assert seconds_and_nanoseconds((*names, "seq")) == {0: 1}
+    assert seconds_and_fractions((*names, "seq")) == {0: (1, "nsec")}
     rows = [
         ",".join(
             map(

@@ -220,3 +220,59 @@ def test_dates_with_the_day_first_and_thousandths_of_degrees(tmp_path: Path) -> 
     np.testing.assert_allclose(imu.time, 2 * 86400 + 9 * 3600 + 18 + 0.01 * np.arange(300))
     np.testing.assert_allclose(imu.gyro[:, 0], np.radians(1e-3 * np.arange(300)))
     np.testing.assert_allclose(imu.accel[0, 2], -9.80665)
+
+
+@pytest.mark.parametrize(
+    ("header", "deviations"),
+    [
+        (
+            "Unix Time,Microseconds,Latitude,Longitude,Height,"
+            "Latitude Standard Deviation,Longitude Standard Deviation,Height Standard Deviation",
+            ("Latitude Standard Deviation", "Height Standard Deviation"),
+        ),
+        (
+            "Unix Time,Microseconds,PosLat (deg),PosLon (deg),PosAlt (m),"
+            "PosNorthStdev (m),PosEastStdev (m),PosDownStdev (m)",
+            ("PosNorthStdev (m)", "PosDownStdev (m)"),
+        ),
+        (
+            "Unix Time,Microseconds,Latitude [deg],Longitude [deg],Altitude [m],"
+            "Latitude accuracy [m],Longitude accuracy [m],Altitude accuracy [m]",
+            ("Latitude accuracy [m]", "Altitude accuracy [m]"),
+        ),
+    ],
+)
+def test_fixes_of_ins_exports(tmp_path: Path, header: str, deviations: tuple[str, str]) -> None:
+    """Oracle: times and deviations that were written: seconds and microseconds are one clock."""
+    k = np.arange(ROWS)
+    us = 200_000 * k + 1530608382_060000
+    place = [46.5 + 1e-6 * k, 6.5 + 1e-6 * k, 500.0 + 0.01 * k, *np.full((3, ROWS), 0.02)]
+    table = np.column_stack([us // 1_000_000, us % 1_000_000, *place])
+    path = tmp_path / "gnss.csv"
+    np.savetxt(path, table, ["%d", "%d", *["%.9f"] * 6], ",", header=header, comments="")
+    (grid,) = tables_of_file(path)
+    (source,) = sources_of_table(path, grid)
+    columns = source.keys["columns"]
+    assert (columns["sd_n"], columns["sd_u"]) == deviations
+    assert columns["usec"] == "Microseconds"
+    fixes = read_gnss(path, columns=columns, units=source.keys["units"])
+    np.testing.assert_allclose(fixes.time - fixes.time[0], 0.2 * k, atol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diagonal(fixes.cov_ned[0])), 0.02)
+
+
+def test_a_telephone_writes_dates_with_names_of_months(tmp_path: Path) -> None:
+    """Oracle: the instants written, as timetables of MATLAB Mobile: a file a sensor, X Y Z."""
+    stamps = np.datetime64("2018-05-01T05:59:59.5") + (20 * np.arange(ROWS)).astype("m8[ms]")
+    rng = np.random.default_rng(8)
+    for name, size in (("Acceleration", 9.8), ("AngularVelocity", 0.1)):
+        values = rng.normal([0.0, 0.0, size], 0.05, (ROWS, 3))
+        rows = [
+            f"01-May-2018 {str(stamp)[11:]}," + ",".join(f"{v:.6f}" for v in row)
+            for stamp, row in zip(stamps, values, strict=True)
+        ]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["Timestamp,X,Y,Z", *rows]) + "\n")
+    found = {source.role: source for source in discover([tmp_path]).sources}
+    assert set(found) == {"gyro", "accel"}
+    seconds = (stamps - np.datetime64("1970-01-01")) / np.timedelta64(1, "s")
+    assert np.ptp(found["gyro"].span) == pytest.approx(np.ptp(seconds), abs=1e-6)
+    assert found["gyro"].keys["units"]["time"] == "unix"

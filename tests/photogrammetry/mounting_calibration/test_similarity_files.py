@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pyproj import CRS
+from pyproj import CRS, Transformer
 from scipy.spatial.transform import Rotation
 from sites import orientation_at
 
@@ -472,3 +472,70 @@ def test_angles_that_no_residual_shows_are_asked_about(name, turn_deg, tmp_path)
     notes = " ".join(notes.split())
     assert ("askew to their courses" in notes) == bool(clause)
     assert clause in notes
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ([1, 0, 2], "omega and phi exchanged|phi omega kappa"),
+        (None, ""),
+    ],
+)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_omega_and_phi_that_are_exchanged_are_asked_for(tmp_path, capsys, change, words, seed):
+    """Oracle: the columns that were exchanged, which leave cameras as level and along courses."""
+    flown = Flown(seed=seed)
+    flown.centres = flown.T + flown.scale * (flown.centres @ flown.axes.T)
+    flown.C = flown.axes @ flown.C
+    if change is not None:
+        angles = Rotation.from_matrix(flown.C @ NADIR).as_euler("XYZ")[:, change]
+        flown.C = Rotation.from_euler("XYZ", angles).as_matrix() @ NADIR
+    flown.write(tmp_path)
+    run(tmp_path)
+    captured = capsys.readouterr()
+    asked = [row for row in (captured.out + captured.err).split("\n") if "read rightly" in row]
+    assert bool(asked) == bool(words)
+    assert re.search(words, " ".join((captured.out + captured.err).split()))
+
+
+BERN = np.array([2538000.0, 1152000.0, 450.0])  # of LV95, m
+
+
+def of_zone_31(x):
+    """The places of LV95 in the zone of UTM west of it."""
+    east, north = Transformer.from_crs(2056, 32631, always_xy=True).transform(*x.T[:2])
+    return np.column_stack([east, north, x[:, 2]])
+
+
+OUTSIDE = {
+    "zone": (of_zone_31, "give their own CRS"),
+    "LV03": (lambda x: x - [2e6, 1e6, 0.0], "give their own CRS"),
+    "feet": (lambda x: x / 0.3048, "inside it if they are feet"),
+    "exchanged": (lambda x: x[:, [1, 0, 2]], "inside it if x and y are exchanged"),
+    "shift": (lambda x: x - BERN, "add what was subtracted from them"),
+}
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_antenna_positions_outside_the_area_of_their_crs_are_refused(tmp_path, capsys, name):
+    """Oracle: what was done to coordinates of LV95, which a similarity takes in as it stretches."""
+    change, words = OUTSIDE[name]
+    flown = Flown()
+    flown.write(tmp_path, antenna=change(flown.antenna + BERN))
+    assert run(tmp_path, "--crs", "EPSG:2056") == 3
+    error = capsys.readouterr().err
+    assert "lie outside the area of EPSG:2056" in error
+    assert words in error
+    flown.write(tmp_path, antenna=flown.antenna + BERN)
+    assert run(tmp_path, "--crs", "EPSG:2056") != 3
+
+
+@pytest.mark.parametrize("factor", [1.0 / 0.3048, 1.0])
+def test_antenna_positions_in_feet_beside_poses_in_metres_are_asked_for(tmp_path, capsys, factor):
+    """Oracle: the unit; a free scale turns it into a lever arm 3.28 times as long."""
+    flown = Flown()
+    flown.centres = flown.T + flown.scale * (flown.centres @ flown.axes.T)
+    flown.C = flown.axes @ flown.C
+    flown.write(tmp_path, antenna=factor * flown.antenna)
+    run(tmp_path)
+    assert ("are they feet?" in " ".join(capsys.readouterr().out.split())) == (factor > 1.0)

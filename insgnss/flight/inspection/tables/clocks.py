@@ -29,9 +29,12 @@ SHORTEST_TICK_S = 1e-5  # of a sensor: a header's unit that makes shorter steps 
 COUNTER = re.compile(
     r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
 )
-SECONDS_SUFFIX, NANOSECONDS = (
-    re.compile(r"(.*?)(?:secs?|seconds?)"),
-    re.compile(r"(.*?)n(?:ano)?(?:secs?|seconds?)"),
+SECONDS_SUFFIX, FRACTIONS = (
+    re.compile(r"(.*?)(?:unixtime|secs?|seconds?)"),
+    {
+        "nsec": re.compile(r"(.*?)n(?:ano)?(?:secs?|seconds?)"),
+        "usec": re.compile(r"(.*?)(?:u|micro)(?:secs?|seconds?)"),
+    },
 )
 
 
@@ -56,7 +59,7 @@ def clocks(grid: UnknownTable, longest_step: float) -> dict[int, str]:
 
 def _clocks(grid: UnknownTable, longest_step: float, least_forward: float) -> dict[int, str]:
     named = any(name is not None for name in grid.names)
-    fine = seconds_and_nanoseconds(grid.names).values()
+    fine = [column for column, _ in seconds_and_fractions(grid.names).values()]
     units: dict[int, str] = {}
     for k, name in enumerate(grid.names):
         clock = [] if name is None else clock_names(name)
@@ -137,16 +140,20 @@ def tick(unit: str) -> float:
     return float(number or 1.0) * TIME_FACTORS[name]
 
 
-def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
+def seconds_and_fractions(names: Sequence[str | None]) -> dict[int, tuple[int, str]]:
     """Find pairs of columns of one clock by their names.
 
-    Such are `stamp.secs` and `stamp.nsecs`, `sec` and `nanosec`.
+    Such are `stamp.secs` and `stamp.nsecs`, `sec` and `nanosec`, `Unix Time` and `Microseconds`.
+    A column of seconds has that of its fractions, and what these are called (`FRACTIONS_S`).
     """
     pairs = {}
-    for fine, name in enumerate(names):
-        match = NANOSECONDS.fullmatch(squashed(name or ""))
-        if match is None:
-            continue
+    candidates = (
+        (fine, key, match)
+        for fine, name in enumerate(names)
+        for key, pattern in FRACTIONS.items()
+        if (match := pattern.fullmatch(squashed(name or "")))
+    )
+    for fine, key, match in candidates:
         whole = [
             k
             for k, column in enumerate(names)
@@ -155,8 +162,13 @@ def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
             and m[1] == match[1]
         ]
         if len(whole) == 1:
-            pairs[whole[0]] = fine
+            pairs[whole[0]] = fine, key
     return pairs
+
+
+def fraction_of(grid: UnknownTable, clock: int) -> dict[str, int]:
+    """Return the column of the fractions of a clock's seconds by its name; none of most."""
+    return {key: fine for fine, key in [grid.fractions[clock]]} if clock in grid.fractions else {}
 
 
 def _clock_unit(

@@ -15,10 +15,11 @@ import numpy as np
 from ....io.formats import load_content
 from ....io.formats.arrays.content import Matrix, tables_of, take_columns
 from ....io.formats.arrays.matlab import load_matlab
+from ....io.formats.names import FRACTIONS_S
 from ....io.formats.text.order import SHARE_LIMIT
 from ....io.formats.text.text import read_table
 from ....records import Array
-from .clocks import seconds_and_nanoseconds
+from .clocks import seconds_and_fractions
 from .names import UnknownTable, squashed
 
 FEWEST_ROWS = 20  # of a table that is a recording (chosen)
@@ -122,16 +123,17 @@ def _text_tables(path: Path) -> Iterator[GridTable]:
     table = table.with_values(k for k, blanks in table.blank.items() if blanks < few)
     layout, values = table.layout, table.values
     names = layout.header_fields or (None,) * layout.n_fields
-    nanos = {}
-    for whole, fine in seconds_and_nanoseconds(names).items():
-        column = values[:, fine]
-        if column.min() >= 0.0 and column.max() < 1e9 and np.ptp(column) > 0.0:
-            nanos[whole] = fine
-    if nanos:
+    fractions = {}
+    for whole, (fine, key) in seconds_and_fractions(names).items():
+        column = FRACTIONS_S[key] * values[:, fine]
+        if column.min() >= 0.0 and column.max() < 1.0 and np.ptp(column) > 0.0:
+            fractions[whole] = fine, key
+    if fractions:
         values = values.copy()
-        for whole, fine in nanos.items():
-            values[:, whole] += 1e-9 * values[:, fine]
-    yield GridTable(UnknownTable(values, tuple(names), nanos), tuple(name or "" for name in names))
+        for whole, (fine, key) in fractions.items():
+            values[:, whole] += FRACTIONS_S[key] * values[:, fine]
+    grid = UnknownTable(values, tuple(names), fractions)
+    yield GridTable(grid, tuple(name or "" for name in names))
 
 
 def date_in(path: Path) -> np.datetime64 | None:

@@ -16,12 +16,15 @@ import numpy as np
 from ....base.errors import InputError
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ..sources import InputSource, Role
-from .clocks import clocks, week_column
+from .clocks import clocks, fraction_of, week_column
 from .grids import GridTable
 from .names import ACCEL, GYRO, Roles, UnknownTable, squashed
 
 TRIAD_COLUMNS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
-IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
+IN_NAME: dict[Role, tuple[str, ...]] = {  # of a file
+    "gyro": ("gyr", "angularvel", "rotationrate", "turnrate"),
+    "accel": ("acc",),
+}
 TRIAD_NAMES: dict[Role, str] = {"gyro": "gyros", "accel": "accelerometers"}
 LACKS: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
 TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
@@ -62,7 +65,7 @@ def half_of_imu(
     sources = []
     for clock, unit in ticks.items():
         source = source_of(Roles(columns, {clock: unit}, week_column(table.grid)))
-        indices = {"tow": clock, "nsec": table.grid.nanos.get(clock), **columns}
+        indices = {"tow": clock, **fraction_of(table.grid, clock), **columns}
         fields = {name: table.fields[k] for name, k in indices.items() if k is not None}
         sources.append(replace(source, role=role, what=description, fields=fields))
     return [replace(sources[0], other_clocks=tuple(sources[1:]))]
@@ -84,7 +87,7 @@ def _triad(path: Path, grid: UnknownTable) -> tuple[Role, dict[str, int]] | None
     if any("(" in (grid.names[k] or "") or "[" in (grid.names[k] or "") for k in places):
         return None  # a unit of something else
     stem = squashed(path.stem)
-    by_name = [role for role, word in IN_NAME.items() if word in stem]
+    by_name = [role for role, words in IN_NAME.items() if any(word in stem for word in words)]
     if len(by_name) != 1:
         return None
     return by_name[0], dict(zip(TRIAD_COLUMNS[by_name[0]], places, strict=True))

@@ -105,13 +105,13 @@ class Roles:
 class UnknownTable:
     """An unknown table: values (n, m) and the name of each column, or None.
 
-    `nanos` maps, for a clock in two columns, that of the seconds to that of the nanoseconds; the
-    values of the former are those of both.
+    `fractions` maps, for a clock in two columns, that of the seconds to that of their fractions and
+    what these are called (`FRACTIONS_S`); the values of the former are those of both.
     """
 
     values: Array
     names: tuple[str | None, ...]
-    nanos: dict[int, int] = field(default_factory=dict)
+    fractions: dict[int, tuple[int, str]] = field(default_factory=dict)
 
     @property
     def named(self) -> dict[str, int]:

@@ -25,7 +25,7 @@ from ....io.formats.text.dates import calendar_columns
 from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
 from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, InputSource, Keys, Role
-from .clocks import UNIX_FROM, clock_names, tick
+from .clocks import UNIX_FROM, clock_names, fraction_of, tick
 from .grids import FEWEST_ROWS, GridTable
 from .halves import half_of_imu
 from .names import ACCEL, GYRO, Roles, UnknownTable
@@ -132,7 +132,7 @@ def _whole(grid: UnknownTable, finite: Any) -> UnknownTable:
 def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
     """Name the columns that no input takes, with the reason where there is a particular one."""
     grid = table.grid
-    used: set[int | None] = set(grid.nanos.values())
+    used: set[int | None] = {fine for fine, _ in grid.fractions.values()}
     reasons: dict[int, str] = {}
     date = set(calendar_columns(table.fields).values())
     for roles in taken:
@@ -308,8 +308,8 @@ def _events(path: Path, table: GridTable) -> list[InputSource]:
 
 
 def _clock_columns(grid: UnknownTable, clock: int, week: int | None) -> dict[str, int]:
-    """Columns of the time: seconds, nanoseconds and week, as far as there are any."""
-    columns = {"tow": clock, "nsec": grid.nanos.get(clock), "week": week}
+    """Columns of the time: seconds, fractions and week, as far as there are any."""
+    columns = {"tow": clock, **fraction_of(grid, clock), "week": week}
     return {name: k for name, k in columns.items() if k is not None}
 
 

@@ -23,6 +23,7 @@ from ....base.errors import InputError
 from ....base.wording import written
 from ....geodesy.gpstime import DAY_S, WEEK_S, gps_from_unix_utc, unwrap_week
 from ....records import Array, Finding
+from ..names import FRACTIONS_S
 from .order import SHARE_LIMIT, Lines, Picked, Rows, note, put_in_order, refuse_rows
 from .stamps import LEAST_LEVEL_ROWS, LEVEL_ROWS, unrepeated
 from .units import SENSOR_SCALES, split_unit, unit_factor
@@ -62,9 +63,11 @@ def check_increasing(lines: Lines, time: Array) -> None:
 
 
 def clock_of(cols: Mapping[str, Array]) -> Array:
-    """Return readings of the column of time, with the nanoseconds of `nsec` where it exists."""
+    """Return readings of the column of time, with those of `FRACTIONS_S` where they exist."""
     tow = np.ascontiguousarray(cols["tow"])
-    return tow + 1e-9 * cols["nsec"] if "nsec" in cols else tow
+    for name in FRACTIONS_S.keys() & cols.keys():
+        tow = tow + FRACTIONS_S[name] * cols[name]
+    return tow
 
 
 def gps_time(

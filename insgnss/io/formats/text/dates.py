@@ -1,5 +1,6 @@
 """Stamps that are dates: 2015_11_26_15_00_02_617, 2015-11-26T15:00:02.617Z, 2015/11/26-15:00:02,
-26.11.2015 15:00:02 (the day first only with points, which nobody writes for the month first).
+26.11.2015 15:00:02 (the day first only with points, which nobody writes for the month first, and
+with the month's name: 26-Nov-2015 15:00:02.617).
 
 Year, month, day, hour, minute and second stand between signs that are no digits; what follows a
 point or comma is a fraction of a second, what follows another sign counts milliseconds (three
@@ -23,6 +24,10 @@ _DATE = re.compile(
 )
 DAY, CLOCK = re.compile(r"\"?\d{4}[-_/.:]\d{1,2}[-_/.:]\d{1,2}\"?"), re.compile(r"\"?\d{1,2}:.*")
 DAY_FIRST = re.compile(r"\"?(\d{1,2})\.(\d{1,2})\.(\d{4})(?!\d)", re.ASCII)  # only with points
+MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
+NAMED_MONTH = re.compile(
+    rf"\"?(\d{{1,2}})([- ])({'|'.join(MONTHS)})\2(\d{{4}})(?!\d)", re.IGNORECASE
+)
 UNIX = "unix"  # of the clock that dates become
 # columns of a date, and s of those of a fraction of its second by their names
 CALENDAR = ("year", "month", "day", "hour", "minute", "second")
@@ -47,8 +52,11 @@ def is_date(text: str) -> bool:
 
 
 def _year_first(text: str) -> str:
-    """Return a date that begins with the day, as 26.11.2015, with the year before."""
+    """Return a date with the day first, as 26.11.2015 or 26-Nov-2015, with the year before."""
     text = text.strip()
+    if named := NAMED_MONTH.match(text):
+        day, _, month, year = named.groups()
+        return f"{year}-{1 + MONTHS.index(month.lower()):02}-{day}{text[named.end() :]}"
     first = DAY_FIRST.match(text)
     return text if first is None else first.expand(r"\3-\2-\1") + text[first.end() :]
 
