@@ -168,13 +168,13 @@ def _of_groups(proc: Path, groups: Path) -> Iterator[int]:
 
 
 def _of_process(proc: Path) -> Iterator[int]:
-    """Yield what the limits of this process leave it."""
+    """Yield the bytes that the limits of this process leave it."""
     try:
         import resource
     except ImportError:  # no such limits on Windows
         return
     now = _table(proc / "self" / "status")
-    for name, size in (("RLIMIT_AS", "VmSize"), ("RLIMIT_DATA", "VmData")):
-        most = resource.getrlimit(getattr(resource, name))[0]
-        if most != resource.RLIM_INFINITY and size in now:
-            yield most - now[size]
+    for name, size_key in (("RLIMIT_AS", "VmSize"), ("RLIMIT_DATA", "VmData")):
+        limit_bytes = resource.getrlimit(getattr(resource, name))[0]
+        if limit_bytes != resource.RLIM_INFINITY and size_key in now:
+            yield limit_bytes - now[size_key]

@@ -96,14 +96,18 @@ def check_unpacked(
     """
     limit = unpacked_limit(packed)
     if size > limit:
-        enough = math.ceil(size / GB) if qualifier != "more than " else math.ceil(2 * size / GB)
-        of = f" for a file of {_gb(packed)}" if limit < unpacked_limit() else ""
-        problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)}{of})"
-        advice = f"where its source is trusted, set {UNPACKED_GB}={enough} in the environment"
+        sufficient_gb = (
+            math.ceil(size / GB) if qualifier != "more than " else math.ceil(2 * size / GB)
+        )
+        packed_note = f" for a file of {_gb(packed)}" if limit < unpacked_limit() else ""
+        problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)}{packed_note})"
+        advice = (
+            f"where its source is trusted, set {UNPACKED_GB}={sufficient_gb} in the environment"
+        )
         raise InputError.in_file(path, f"{problem}; {advice}")
-    free = available()
-    if free is not None and size > free:
-        problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(free)} left"
+    free_bytes = available()
+    if free_bytes is not None and size > free_bytes:
+        problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(free_bytes)} left"
         raise DataError(
             f"{path}: {problem}; take a machine with more memory, or a shorter recording"
         )

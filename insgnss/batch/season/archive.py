@@ -99,8 +99,8 @@ class ArchiveResult:
         lines = []
         folders = [run.document.parent for run in self.runs]
         for run, folder in zip(self.runs, folders, strict=True):
-            one = folder if folders.count(folder) == 1 else run.document
-            where = relative(one, self.directory)
+            shown_path = folder if folders.count(folder) == 1 else run.document
+            where = relative(shown_path, self.directory)
             if run.problems:
                 lines += [f"{where}: {problem}" for problem in run.problems]
             elif run.remade:
@@ -114,8 +114,8 @@ class ArchiveResult:
             f"{relative(path, self.directory)}: no results yet; run insgnss process on it"
             for path in self.unprocessed
         ]
-        good = sum(not run.problems for run in self.runs)
-        return "\n".join([*lines, f"{good} of {len(self.runs)} results can be made again"])
+        reproduced = sum(not run.problems for run in self.runs)
+        return "\n".join([*lines, f"{reproduced} of {len(self.runs)} results can be made again"])
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -262,9 +262,9 @@ def _base_of(document: Path, content: Mapping[str, Any]) -> Path:
     candidates = [folder / named] if isinstance(named, str) else []
     candidates += [folder, *folder.parents]
     names = list(content[INPUTS_KEY])
-    counts = [sum((one / name).is_file() for name in names) for one in candidates]
-    best = max(range(len(candidates)), key=lambda k: (counts[k], -k))
-    return Path(os.path.normpath(candidates[best]))
+    counts = [sum((candidate / name).is_file() for name in names) for candidate in candidates]
+    best_index = max(range(len(candidates)), key=lambda index: (counts[index], -index))
+    return Path(os.path.normpath(candidates[best_index]))
 
 
 def _inputs(hashes: Mapping[str, str], base: Path) -> Iterator[str]:

@@ -169,20 +169,23 @@ def charts(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Iterator[Chart
 
 
 def _layers(trend: SeasonTrend, ink: Ink) -> Iterator[Layer]:
-    """Values with their sigmas, and the line."""
-    x, y, s = trend.days, trend.value, trend.sigma
-    nan = np.full(x.size, np.nan)
+    """Yield the values of a trend with their sigmas, and its line."""
+    days, values, sigmas = trend.days, trend.value, trend.sigma
+    nan = np.full(days.size, np.nan)
     yield Layer(
         "line",
-        np.column_stack([x, x, x]).ravel(),
-        np.column_stack([y - s, y + s, nan]).ravel(),
+        np.column_stack([days, days, days]).ravel(),
+        np.column_stack([values - sigmas, values + sigmas, nan]).ravel(),
         ink=ink,
         faint=True,
     )
-    texts = [f"{name}: {v:.4g} ± {d:.2g}" for name, v, d in zip(trend.names, y, s, strict=True)]
-    yield Layer("points", x, y, str(trend.quantity.state), ink, texts=texts, width=5.0)
+    texts = [
+        f"{name}: {value:.4g} ± {sigma:.2g}"
+        for name, value, sigma in zip(trend.names, values, sigmas, strict=True)
+    ]
+    yield Layer("points", days, values, str(trend.quantity.state), ink, texts=texts, width=5.0)
     if np.isfinite(trend.slope):
-        ends: Array = np.array([x.min(), x.max()])
+        ends: Array = np.array([days.min(), days.max()])
         drifts = trend.finding == "drift"
         yield Layer(
             *("line", ends, trend.level + trend.slope * ends),

@@ -89,9 +89,9 @@ def table_of(names: Names, unit: str, alone: str = "") -> tuple[TableSpec, str, 
     """
     values = " ".join(name for name in names if f"sigma_{name}" in names)
     layouts: list[str] = []
-    for held in filter(None, (alone, values)):
-        sigmas = " ".join(f"sigma_{name}" for name in held.split())
-        layouts += [f"tow {held}", f"tow {held} {sigmas}"]
+    for columns in filter(None, (alone, values)):
+        sigmas = " ".join(f"sigma_{name}" for name in columns.split())
+        layouts += [f"tow {columns}", f"tow {columns} {sigmas}"]
     spec = TableSpec(
         {**TIME, **names},
         required="tow" if alone else layouts[0],

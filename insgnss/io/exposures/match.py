@@ -187,13 +187,13 @@ class _Match:
         timed = self.taken is not None and self.time.size >= FEWEST_TIMES
         discrepancy = misfit(self.time, self.taken) if timed and self.taken is not None else None
         if discrepancy is not None and discrepancy.better is not None:
-            better = _of_clocks(discrepancy.better, self.number, self.names)
+            matched = _of_clocks(discrepancy.better, self.number, self.names)
             raise self.refusal(
-                f"but they do not fit in time: {better}; if the times are wrong, give a list of the"
-                " names"
+                f"but they do not fit in time: {matched}; if the times are wrong, give a list of"
+                " the names"
             )
         if discrepancy is not None:
-            names = some([self.names[k] for k in discrepancy.images], 5)
+            names = some([self.names[row] for row in discrepancy.images], 5)
             finding = (
                 f"{len(discrepancy.images)} of {len(self.names)} are off by more than"
                 f" {discrepancy.near_s:.2f}"

@@ -206,22 +206,23 @@ def _groups(read: list[Observations]) -> list[list[Observations]]:
 
 
 def _receiver(group: list[Observations]) -> Receiver:
-    first, last = group[0], group[-1]
-    time = np.concatenate([one.gps_week * WEEK_S + one.time for one in group])
-    usual = interval(first)
-    names = sorted({str(code) for one in group for code in np.unique(one.satellite)})
+    """Return what the files of one receiver hold together: span (s), interval, gaps, bands."""
+    first_file, last_file = group[0], group[-1]
+    time = np.concatenate([file.gps_week * WEEK_S + file.time for file in group])
+    usual_interval = interval(first_file)
+    names = sorted({str(code) for file in group for code in np.unique(file.satellite)})
     letters = dict.fromkeys(name[0] for name in names)
     return Receiver(
-        tuple(Path(one.header.path) for one in group),
-        first.header,
-        float(first.gps_week * WEEK_S + first.time[0]),
-        float(last.gps_week * WEEK_S + last.time[-1]),
-        usual,
+        tuple(Path(file.header.path) for file in group),
+        first_file.header,
+        float(first_file.gps_week * WEEK_S + first_file.time[0]),
+        float(last_file.gps_week * WEEK_S + last_file.time[-1]),
+        usual_interval,
         time.size,
-        int((np.diff(time) > LEAST_GAP_INTERVALS * usual).sum()),
-        sum(one.events.size for one in group),
+        int((np.diff(time) > LEAST_GAP_INTERVALS * usual_interval).sum()),
+        sum(file.events.size for file in group),
         {letter: sum(name[0] == letter for name in names) for letter in letters},
-        {letter: _bands(first, letter) for letter in letters},
+        {letter: _bands(first_file, letter) for letter in letters},
     )
 
 

@@ -55,21 +55,28 @@ def clocks(grid: UnknownTable, longest_step: float) -> dict[int, str]:
 
 
 def _clocks(grid: UnknownTable, longest_step: float, least_forward: float) -> dict[int, str]:
+    """Return the unit of each column that counts time, by column, the best clock first."""
     named = any(name is not None for name in grid.names)
-    fine = seconds_and_nanoseconds(grid.names).values()
+    nanosecond_columns = seconds_and_nanoseconds(grid.names).values()
     units: dict[int, str] = {}
-    for k, name in enumerate(grid.names):
+    for column, name in enumerate(grid.names):
         clock = [] if name is None else clock_names(name)
-        if named and (not clock or k in fine):
+        if named and (not clock or column in nanosecond_columns):
             continue
-        unit = _clock_unit(grid.values[:, k], longest_step, not named, least_forward)
+        unit = _clock_unit(grid.values[:, column], longest_step, not named, least_forward)
         if unit is not None:
-            stated = [FIXED_TICKS[short] for short in clock if short in FIXED_TICKS]
-            stated += filter(None, [grid.unit_of(k, "time")])
-            steps = np.diff(grid.values[:, k])
+            named_units = [
+                FIXED_TICKS[abbreviation] for abbreviation in clock if abbreviation in FIXED_TICKS
+            ]
+            named_units += filter(None, [grid.unit_of(column, "time")])
+            steps = np.diff(grid.values[:, column])
             typical = float(np.median(steps[steps > 0.0]))
-            units[k] = next(
-                (one for one in stated if SHORTEST_TICK_S < typical * tick(one) <= longest_step),
+            units[column] = next(
+                (
+                    candidate
+                    for candidate in named_units
+                    if SHORTEST_TICK_S < typical * tick(candidate) <= longest_step
+                ),
                 unit,
             )
     return _best_first(grid, units)
@@ -93,7 +100,7 @@ def clocks_by_values(grid: UnknownTable, longest_step: float, taken: set[int]) -
         )
         if k in taken or counts:
             continue
-        unit = _clock_unit(grid.values[:, k], longest_step, strict=True)
+        unit = _clock_unit(grid.values[:, k], longest_step, unnamed=True)
         if unit is not None:
             units[k] = unit
     return _best_first(grid, units)
@@ -143,25 +150,26 @@ def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
     Such are `stamp.secs` and `stamp.nsecs`, `sec` and `nanosec`.
     """
     pairs = {}
-    for fine, name in enumerate(names):
+    for nanoseconds, name in enumerate(names):
         match = NANOSECONDS.fullmatch(squashed(name or ""))
         if match is None:
             continue
-        whole = [
-            k
-            for k, column in enumerate(names)
-            if k != fine
-            and (m := SECONDS_SUFFIX.fullmatch(squashed(column or "")))
-            and m[1] == match[1]
+        seconds = [
+            index
+            for index, column in enumerate(names)
+            if index != nanoseconds
+            and (suffix := SECONDS_SUFFIX.fullmatch(squashed(column or "")))
+            and suffix[1] == match[1]
         ]
-        if len(whole) == 1:
-            pairs[whole[0]] = fine
+        if len(seconds) == 1:
+            pairs[seconds[0]] = nanoseconds
     return pairs
 
 
 def _clock_unit(
-    column: Array, longest_step: float, strict: bool, least_forward: float = LEAST_FORWARD
+    column: Array, longest_step: float, unnamed: bool, least_forward: float = LEAST_FORWARD
 ) -> str | None:
+    """Return the time unit in which a column's steps are a clock's; None where it is none."""
     step = np.diff(column)
     forward = step[step > 0.0]
     if (
@@ -171,13 +179,13 @@ def _clock_unit(
     ):
         return None
     typical = float(np.median(forward))
-    if strict and (
+    if unnamed and (
         forward.size < 0.99 * step.size
         or np.mean(np.abs(forward - typical) < 0.5 * typical) < EVEN_SHARE
     ):
         return None
     span = float(column[-1] - column[0])
-    if strict and span < 0.5 * typical * step.size:
+    if unnamed and span < 0.5 * typical * step.size:
         return None
     return next(
         (unit for unit, factor in TIME_FACTORS.items() if typical * factor <= longest_step), None

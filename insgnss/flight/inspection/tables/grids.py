@@ -118,20 +118,24 @@ def _sensors_apart(content: Any) -> Iterator[GridTable]:
 def _text_tables(path: Path) -> Iterator[GridTable]:
 
     table = read_table(path, whole=False)
-    few = SHARE_LIMIT * len(table)
-    table = table.with_values(k for k, blanks in table.blank.items() if blanks < few)
+    blank_limit = SHARE_LIMIT * len(table)
+    table = table.with_values(
+        index for index, blanks in table.blank.items() if blanks < blank_limit
+    )
     layout, values = table.layout, table.values
     names = layout.header_fields or (None,) * layout.n_fields
-    nanos = {}
-    for whole, fine in seconds_and_nanoseconds(names).items():
-        column = values[:, fine]
+    nanosecond_columns = {}
+    for seconds, nanoseconds in seconds_and_nanoseconds(names).items():
+        column = values[:, nanoseconds]
         if column.min() >= 0.0 and column.max() < 1e9 and np.ptp(column) > 0.0:
-            nanos[whole] = fine
-    if nanos:
+            nanosecond_columns[seconds] = nanoseconds
+    if nanosecond_columns:
         values = values.copy()
-        for whole, fine in nanos.items():
-            values[:, whole] += 1e-9 * values[:, fine]
-    yield GridTable(UnknownTable(values, tuple(names), nanos), tuple(name or "" for name in names))
+        for seconds, nanoseconds in nanosecond_columns.items():
+            values[:, seconds] += 1e-9 * values[:, nanoseconds]
+    yield GridTable(
+        UnknownTable(values, tuple(names), nanosecond_columns), tuple(name or "" for name in names)
+    )
 
 
 def date_in(path: Path) -> np.datetime64 | None:

@@ -141,8 +141,9 @@ def _reference(eo: FramedOrientation) -> tuple[str, NDArray[np.float64]]:
 
 
 def _text(
-    eo: FramedOrientation, head: str, camera: str, table: NDArray[np.float64]
+    eo: FramedOrientation, opening: str, camera: str, table: NDArray[np.float64]
 ) -> Iterable[str]:
+    """Yield the XML text, one photo group for each camera."""
     x, y, z = line_form(eo, "xyz", " ").split()
     photo = (
         "   <Photo><Id>%d</Id><ImagePath>%s</ImagePath><Pose><Metadata><SRSId>0</SRSId><Rotation>"
@@ -151,10 +152,10 @@ def _text(
         f"</Rotation><Center><x>{x}</x><y>{y}</y><z>{z}</z><Accurate>true</Accurate></Center>"
         "</Metadata></Pose></Photo>\n"
     )
-    yield head
+    yield opening
     names, number = eo.cameras
-    for k, name in enumerate(names):
-        rows = np.flatnonzero(number == k)
+    for camera_number, name in enumerate(names):
+        rows = np.flatnonzero(number == camera_number)
         yield PHOTOGROUP.format(name=xml_text(name or "camera"), camera=camera)
         for row, values in zip(rows.tolist(), table[rows].tolist(), strict=True):
             yield photo % (row, xml_text(eo.images[row]), *values)

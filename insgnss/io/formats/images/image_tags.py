@@ -326,32 +326,32 @@ def _write(source: Path, target: Path, tags: Tags) -> None:
 
 
 def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
-    """The bytes of the copy."""
+    """Yield the bytes of the copy, JPEG or TIFF, with the new tags."""
     read = reader(stream)
-    who = str(source)
+    name = str(source)
     if read(0, 2) == b"\xff\xd8":
-        head, content_start = with_tags(
+        beginning, content_start = with_tags(
             read,
             size,
-            who,
-            lambda exif: patched_exif(exif, tags, who),
-            lambda xmp: packet(xmp, tags, who),
+            name,
+            lambda exif: patched_exif(exif, tags, name),
+            lambda xmp: packet(xmp, tags, name),
         )
-        yield head
+        yield beginning
         yield from _from(stream, content_start)
         return
     if read(0, 2) not in (b"II", b"MM"):
         raise InputError.in_file(
             source, "is neither JPEG nor TIFF; convert it, or export a table instead"
         )
-    tiff = Tiff(read, size, who)
-    xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, who))
-    header, tail = tiff.changed(
+    tiff = Tiff(read, size, name)
+    xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, name))
+    header, appended = tiff.changed(
         {XMP: xmp}, *exif_tags(tiff.bytes_of(tiff.exif, EXIF_VERSION), tags)
     )
     yield header
     yield from _from(stream, len(header))
-    yield tail
+    yield appended
 
 
 def _from(stream: BinaryIO, offset: int) -> Iterator[bytes]:

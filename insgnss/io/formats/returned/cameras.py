@@ -143,8 +143,8 @@ def _opencv_camera(
             " calibrate without them",
         )
     parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_SHIFT_PX, CENTRE_SHIFT_PX)).tolist())]
-    model, n = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
-    parameters += map(repr, rational[:n].tolist())
+    model, term_count = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
+    parameters += map(repr, rational[:term_count].tolist())
     return _of_words(path, name, f"{model} " + " ".join(map(str, parameters)))
 
 
@@ -165,6 +165,7 @@ def _numbers(path: Path, text: str, key: str) -> Array:
 
 
 def _opencv(path: Path) -> Cameras:
+    """Return the camera of a calibration file of OpenCV's FileStorage, YAML or XML."""
     text = decoded(path)
     fisheye = re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text) is not None
 
@@ -189,6 +190,7 @@ def _opencv(path: Path) -> Cameras:
 
 
 def _kalibr(path: Path) -> Cameras:
+    """Return the cameras of a camchain.yaml of Kalibr."""
     cameras = []
     for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", decoded(path)):
         matches = {
