@@ -64,7 +64,7 @@ def chi_square_log_tails(dof: float, x: float) -> tuple[float, float]:
             term *= y / k
             total += term
         below = front + math.log(total)
-        return below, _log_of_rest(below)
+        return below, _log_complement(below)
     b = y + 1.0 - a
     c, d = math.inf, 1.0 / b
     fraction, k, change = d, 0, 0.0
@@ -77,10 +77,10 @@ def chi_square_log_tails(dof: float, x: float) -> tuple[float, float]:
         change = c * d
         fraction *= change
     above = front + math.log(fraction)
-    return _log_of_rest(above), above
+    return _log_complement(above), above
 
 
-def _log_of_rest(log_share: float) -> float:
+def _log_complement(log_share: float) -> float:
     """Return log(1 - share) of the logarithm of a share."""
     return math.log(-math.expm1(log_share)) if log_share < 0.0 else -math.inf
 

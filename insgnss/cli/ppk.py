@@ -306,9 +306,4 @@ def geodetic_position(coordinates: Any, key: str) -> Any:
     return np.array([np.radians(lat), np.radians(lon), height])
 
 
-VERB = Verb(
-    "ppk",
-    EXAMPLE,
-    add_arguments,
-    ppk,
-)
+VERB = Verb("ppk", EXAMPLE, add_arguments, ppk)

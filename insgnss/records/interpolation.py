@@ -47,7 +47,7 @@ def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
     ------
     DataError : an instant is outside, or between epochs more than `LONGEST_BRIDGE_S` apart.
     """
-    row_before = _before(trajectory, time, tolerance_s)
+    row_before = _rows_before(trajectory, time, tolerance_s)
     row_after = np.minimum(row_before + 1, len(trajectory) - 1)
     interval_s = np.where(
         row_after > row_before, trajectory.time[row_after] - trajectory.time[row_before], 1.0
@@ -110,7 +110,7 @@ def cubic(x: tuple[Array, Array], v: tuple[Array, Array], u: Array, h: Array) ->
     return np.asarray(position)
 
 
-def _before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
+def _rows_before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
     """Index of the epoch before each instant."""
     if not len(trajectory):
         raise DataError("Trajectory: it has no epochs")

@@ -443,7 +443,6 @@ class Diagnostics:
         )
         values["passes"] = max(segment.passes for segment in segments)
         values["constants"] = ConstantSeries.joined(
-            [segment.constants for segment in segments],
-            [segment.time.size for segment in segments],
+            [segment.constants for segment in segments], [segment.time.size for segment in segments]
         )
         return cls(**values)

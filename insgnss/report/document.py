@@ -196,7 +196,7 @@ class Section:
             _listed(run) if items else "".join(map(_block, run)) for items, run in runs
         )
         if self.more:
-            first, more = map(_soft, (self.more[:FEW_REMARKS], self._further))
+            first, more = map(_soft_paragraph, (self.more[:FEW_REMARKS], self._further))
             inside += first + (folded(self._number_of_further, more) if self._further else "")
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""
 
@@ -444,7 +444,8 @@ def _block(block: "str | Table | Drawing") -> str:
     return f'<p class="{block.kind}">{_escaped(sentence(block))}</p>\n'
 
 
-def _soft(texts: Iterable[Any]) -> str:
+def _soft_paragraph(texts: Iterable[Any]) -> str:
+    """Return the HTML of remarks in the paler ink."""
     return f'<div class="soft">{_listed(texts)}</div>\n'
 
 

@@ -67,7 +67,7 @@ def flight_lines(run: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flig
 
 
 def _course(run: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
-    """Course over each row's neighbourhood, rad, and whether it is straight there."""
+    """Return the course over each row's neighbourhood (n,), rad, and whether it is straight."""
     position = run.position[:, :2]
     shifted = [np.clip(run.time + shift, run.time[0], run.time[-1]) for shift in (-HALF_S, HALF_S)]
     position_before, position_after = (columns_at(time, run.time, position) for time in shifted)

@@ -116,9 +116,9 @@ def flags(run: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) ->
     gaps = np.array(run.gaps, dtype=np.float64).reshape(-1, 2)
     times = run.fix_time[run.used]
     findings = [
-        _within(eo.time, without[:, 0], without.sum(axis=1)),
-        _beyond(eo.time, segments(run), times),
-        _within(eo.time, gaps[:, 0], gaps.sum(axis=1)),
+        _inside_spans(eo.time, without[:, 0], without.sum(axis=1)),
+        _without_near_fix(eo.time, segments(run), times),
+        _inside_spans(eo.time, gaps[:, 0], gaps.sum(axis=1)),
         (line == UNKNOWN_LINE) & bool((line != UNKNOWN_LINE).any()),
         _is_largest(position),
         _is_largest(psi),
@@ -131,7 +131,7 @@ def flags(run: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) ->
     )
 
 
-def _within(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
+def _inside_spans(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
     """Return which instants lie inside one of the spans, which follow each other."""
     if not begin.size:
         return np.zeros(time.size, dtype=np.bool_)
@@ -139,7 +139,7 @@ def _within(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
     return (k >= 0) & (time < end[np.maximum(k, 0)])
 
 
-def _beyond(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:
+def _without_near_fix(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:
     """Return which instants have no used fix before or none behind them within their segment."""
     out = np.zeros(time.size, dtype=np.bool_)
     for start, end in spans:
@@ -180,13 +180,7 @@ def _clock_column(eo: ExteriorOrientation, zone: tzinfo) -> dict[str, Any]:
 
 
 def _column(
-    key: str,
-    head: str,
-    values: Any,
-    digits: int,
-    *,
-    running: bool = False,
-    **more: Any,
+    key: str, head: str, values: Any, digits: int, *, running: bool = False, **more: Any
 ) -> dict[str, Any]:
     """Return a column in units of its last printed digit.
 

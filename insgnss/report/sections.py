@@ -266,7 +266,7 @@ def key_numbers(summary: Summary) -> Section:
             "none: the sensor stands at a given place" if summary["standing"] else fixes,
         ),
         ("IMU", ", ".join(imu)),
-        *([] if summary["standing"] else _agreement(summary)),
+        *([] if summary["standing"] else _consistency_rows(summary)),
     ]
     for sensor, name, unit, form in (
         ("gyro", "Gyro", "deg_h", "z.1f"),
@@ -283,7 +283,7 @@ def _counted(n: Mapping[str, Any], key: str, noun: str) -> str:
     return f"{noun}{n[key]}, {n[f'{key}_used']} used, {n[f'{key}_rejected']} rejected"
 
 
-def _agreement(summary: Summary) -> Iterator[tuple[str, str]]:
+def _consistency_rows(summary: Summary) -> Iterator[tuple[str, str]]:
     """What the innovations and the two directions say of the sigmas."""
     for quantity, c in summary["consistency"].items():
         if c is not None:

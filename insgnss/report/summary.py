@@ -143,7 +143,9 @@ def _judged(run: Diagnostics, eo: ExteriorOrientation | None, week: int | None) 
         "outages": outage_figures(run, eo),
         "lines": line_figures(run, eo),
         "neighbours": (
-            None if eo is None or (pairs := _pairs_of(eo)) is None else _neighbours(eo, *pairs)
+            None
+            if eo is None or (pairs := _neighbour_rows(eo)) is None
+            else _neighbours(eo, *pairs)
         ),
         "states": [_state(state) for state in run.states],
         "time_correlated_errors": [asdict(error) for error in run.time_correlated],
@@ -186,7 +188,8 @@ def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
     return sigma[:, :3], sigma[:, 3:]
 
 
-def _spread(x: Array) -> dict[str, Array]:
+def _min_median_max(x: Array) -> dict[str, Array]:
+    """Return smallest, median and largest of each column."""
     return {"min": x.min(axis=0), "median": np.median(x, axis=0), "max": x.max(axis=0)}
 
 
@@ -203,7 +206,7 @@ def _exposures(run: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
     for name, sigmas in (("position_mm", 1e3 * position), ("attitude_deg", np.degrees(psi))):
         worst = int(np.argmax((sigmas**2).sum(axis=1)))
         at_worst = {"image": eo.images[worst], "time_s": eo.time[worst], "sigma": sigmas[worst]}
-        figures[name] = _spread(sigmas) | {"first": sigmas[0], "worst": at_worst}
+        figures[name] = _min_median_max(sigmas) | {"first": sigmas[0], "worst": at_worst}
     figures["first_image"] = eo.images[0]
     beyond = (position > FAR_WORSE * np.median(position, axis=0)).any(axis=1)
     figures["far_worse"] = {"count": int(beyond.sum()), "times": FAR_WORSE}
@@ -229,9 +232,9 @@ def _trajectory(run: Diagnostics) -> dict[str, Any]:
         gain = np.median(run.filter_sigma, axis=0) / np.median(run.smoothed_sigma, axis=0)
     return {
         "axes": NED,
-        "position_mm": _spread(1e3 * run.smoothed_sigma[:, 0:3]),
-        "velocity_mm_s": _spread(1e3 * run.smoothed_sigma[:, 3:6]),
-        "attitude_deg": _spread(np.degrees(run.smoothed_sigma[:, 6:9])),
+        "position_mm": _min_median_max(1e3 * run.smoothed_sigma[:, 0:3]),
+        "velocity_mm_s": _min_median_max(1e3 * run.smoothed_sigma[:, 3:6]),
+        "attitude_deg": _min_median_max(np.degrees(run.smoothed_sigma[:, 6:9])),
         "filter_over_smoothed": _by_state(gain),
     }
 
@@ -354,7 +357,7 @@ def _rejected(run: Diagnostics) -> dict[str, Any]:
     return {"count": rows.size, "nis_limit": float(run.nis_limit), "listed": listed}
 
 
-def _pairs_of(eo: ExteriorOrientation) -> tuple[Rows, Rows, Array] | None:
+def _neighbour_rows(eo: ExteriorOrientation) -> tuple[Rows, Rows, Array] | None:
     """Rows of neighbouring images, of a rig of one camera, and what they share; None without."""
     if eo.rig is None:
         rows = np.arange(len(eo))

@@ -59,10 +59,10 @@ def run_verdict(summary: Mapping[str, Any]) -> Verdict:
     """Return the verdict on the run of a flight, by its `use` (`rules.use`)."""
     judged = summary["use"]
     mood_of: dict[str, Word] = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
-    return Verdict(mood_of[judged["verdict"]], _why(judged, summary), judged["sentence"])
+    return Verdict(mood_of[judged["verdict"]], _reasons_text(judged, summary), judged["sentence"])
 
 
-def _why(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
+def _reasons_text(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     """Return the reasons, or the need that all images are within."""
     if judged["reasons"] and judged["verdict"] != USE:
         return "; ".join(judged["reasons"])

@@ -146,7 +146,7 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     """
     if not directory.is_dir():
         raise UsageError(f"archive: {directory} is no directory; give that of flights and results")
-    documents, orphans = _listed(directory)
+    documents, orphans = _documents_and_orphans(directory)
     if not documents and not orphans:
         raise UsageError(
             f"archive: {directory} holds no results of insgnss (no JSON document with {INPUTS_KEY})"
@@ -169,7 +169,7 @@ def _unprocessed(directory: Path, documents: Sequence[Path]) -> tuple[Path, ...]
     return tuple(flights)
 
 
-def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
+def _documents_and_orphans(directory: Path) -> tuple[list[Path], list[Path]]:
     """Return the documents of an archive, and products without one."""
     documents: list[Path] = []
     orphans: list[Path] = []
@@ -215,7 +215,7 @@ def _examined(document: Path, remake: bool) -> Examined:
     if made_by != __version__:
         problems.append(f"made by insgnss {made_by or 'of an unknown version'}, not {__version__}")
     notes = list(_other_versions(versions))
-    if any("given as object" in str(value) for value in _leaves(content.get("flight"))):
+    if any("given as object" in str(value) for value in _leaf_values(content.get("flight"))):
         problems.append(
             "an input was a Python object, not a file, so that the run cannot be repeated"
         )
@@ -338,9 +338,10 @@ def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
         ]
 
 
-def _leaves(value: Any) -> Iterator[Any]:
+def _leaf_values(value: Any) -> Iterator[Any]:
+    """Yield the values of nested tables and lists of a JSON document."""
     if isinstance(value, dict | list):
         for item in value.values() if isinstance(value, dict) else value:
-            yield from _leaves(item)
+            yield from _leaf_values(item)
     else:
         yield value

@@ -60,16 +60,16 @@ def gather(sources: Sequence[str], overview: Path | None = None) -> list[SeasonF
     """
     flights: dict[str, SeasonFlight] = {}
     for source in sources:
-        for flight in _of_word(source, overview):
+        for flight in _flights_of_argument(source, overview):
             flights.setdefault(os.path.realpath(flight.file), flight)
     return _with_names(list(flights.values()))
 
 
-def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
+def _flights_of_argument(source: str, overview: Path | None) -> list[SeasonFlight]:
     """Return the flights of one word, whose names may still be empty."""
     path = Path(source)
     if path.is_dir():
-        files = _below(path)
+        files = _flight_files_below(path)
         if not files:
             raise UsageError(
                 f"{source}: no {FLIGHT_FILE} in this directory or below it; give the directory"
@@ -83,13 +83,13 @@ def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
             else [SeasonFlight(path.absolute())]
         )
     if any(sign in source for sign in PATTERN_LETTERS):
-        return _matching(source)
+        return _files_matching(source)
     raise UsageError(
         f"{source}: does not exist; give directories, flight files, patterns or a table of flights"
     )
 
 
-def _below(directory: Path) -> list[Path]:
+def _flight_files_below(directory: Path) -> list[Path]:
     """Return the flight files in a directory and below, but for those of runs that have died."""
     files = []
     for folder, inner, names in os.walk(directory.absolute()):
@@ -99,7 +99,7 @@ def _below(directory: Path) -> list[Path]:
     return files
 
 
-def _matching(pattern: str) -> list[SeasonFlight]:
+def _files_matching(pattern: str) -> list[SeasonFlight]:
     """Return the flights of a pattern: flight files, or directories that hold them."""
     import glob
 

@@ -157,11 +157,7 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
         f"{tilt_deg:.1f} deg off the vertical at rest",
     )
     if counts:
-        return (
-            stationary,
-            vertical,
-            unknown("Earth rate", "the unit of the gyros is not known"),
-        )
+        return (stationary, vertical, unknown("Earth rate", "the unit of the gyros is not known"))
     return stationary, vertical, _earth_rate_finding(sensing.mean_gyro, sensing)
 
 

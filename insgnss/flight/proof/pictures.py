@@ -37,9 +37,9 @@ def write_pictures(scene: Scene, directory: Path) -> list[Path]:
         drawn = zip(scene.names, scene.pixels[index], scene.visible[index], strict=True)
         for point, (column, row), visible in drawn:
             if visible:
-                _cross(picture, column, row)
-                _write(picture, point, int(column) + ARM_PX + 4, int(row) + 5, POINT_LETTERS_PX)
-        _write(picture, name.upper(), 20, 20, NAME_LETTERS_PX)
+                _draw_cross(picture, column, row)
+                _draw_text(picture, point, int(column) + ARM_PX + 4, int(row) + 5, POINT_LETTERS_PX)
+        _draw_text(picture, name.upper(), 20, 20, NAME_LETTERS_PX)
         files.append(directory / name)
         atomic_write(files[-1], tiff(np.clip(np.round(picture), 0, 255).astype(np.uint8)))
     return files
@@ -73,12 +73,12 @@ def _ground(C_mc: Array, centre: Array, spots: Array) -> Picture:
             east, north = above[0] + way * ray[..., 0], above[1] + way * ray[..., 1]
             up = terrain(east, north)
         out[top : top + len(y)] = GREY + CONTRAST * sum(
-            _mottled(s, east / m, north / m) for s, m in zip(spots, SPOTS_M, strict=True)
+            _lattice_grey(s, east / m, north / m) for s, m in zip(spots, SPOTS_M, strict=True)
         )
     return out
 
 
-def _mottled(values: Array, u: Array, v: Array) -> Array:
+def _lattice_grey(values: Array, u: Array, v: Array) -> Array:
     """Return grey values at (u, v), bilinear in a lattice that repeats itself."""
     row, column = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
     row_share, column_share = u - row, v - column
@@ -95,7 +95,7 @@ def _mottled(values: Array, u: Array, v: Array) -> Array:
     )
 
 
-def _cross(picture: Picture, x: float, y: float) -> None:
+def _draw_cross(picture: Picture, x: float, y: float) -> None:
     """Draw white arms with black edges, their middle at (x, y), px."""
     left, top = max(int(x) - ARM_PX, 0), max(int(y) - ARM_PX, 0)
     window = picture[top : int(y) + ARM_PX + 1, left : int(x) + ARM_PX + 1]
@@ -109,7 +109,7 @@ def _cross(picture: Picture, x: float, y: float) -> None:
         window[:] = (1.0 - covered) * window + covered * grey
 
 
-def _write(picture: Picture, text: str, x: int, y: int, height: int) -> None:
+def _draw_text(picture: Picture, text: str, x: int, y: int, height: int) -> None:
     """Black letters of `height` pixels on a white field, as far as they lie in the picture."""
     from PIL import Image, ImageDraw, ImageFont
 

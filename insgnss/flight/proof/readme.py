@@ -108,8 +108,8 @@ def readme(
         ),
         _files(name, file),
         "What to do",
-        _of(SEE, name) or TO_DO.format(file=file, spec=export_format.page, frame=frame),
-        _of(LOOK, name),
+        _text_of_format(SEE, name) or TO_DO.format(file=file, spec=export_format.page, frame=frame),
+        _text_of_format(LOOK, name),
         "What to see",
         _expected(scene, projection, ground_m),
         (
@@ -125,7 +125,7 @@ def readme(
     return "\n\n".join(_wrapped(paragraph) for paragraph in parts if paragraph) + "\n"
 
 
-def _of(names: dict[str, str], name: str) -> str:
+def _text_of_format(names: dict[str, str], name: str) -> str:
     """What belongs to the key that the name begins with, or nothing."""
     return next((text for key, text in names.items() if name.startswith(key)), "")
 

@@ -350,10 +350,14 @@ def image_poses(
         sigma = model.sigma.copy()
         sigma[:9] = LATER_SIGMAS * np.sqrt(np.diag(covariances[0])[:9])
     chosen = np.searchsorted(marks, exposures)
-    return _posed(setup, [states[row] for row in chosen], [covariances[row] for row in chosen])
+    return _camera_poses(
+        setup, [states[row] for row in chosen], [covariances[row] for row in chosen]
+    )
 
 
-def _posed(setup: Setup, states: Sequence[_State], covariances: Sequence[Array]) -> PosedImages:
+def _camera_poses(
+    setup: Setup, states: Sequence[_State], covariances: Sequence[Array]
+) -> PosedImages:
     """Take states of the IMU to the camera and the tangent plane."""
     north, east, down = ned_axes(setup.origin[0], setup.origin[1])
     M = np.stack([east, north, -down])

@@ -162,7 +162,9 @@ def read_measurement(
     kind = kinds()[options.kind]
     _refuse_options(options, kind)
     log = kind.other_format(options.file)
-    columns, read = _of_table(options, kind, week) if log is None else _of_log(options, kind, log)
+    columns, read = (
+        _rows_of_table(options, kind, week) if log is None else _rows_of_log(options, kind, log)
+    )
     own_week, time, values, lines, sigma, noted = read
     if sigma is None:
         missing = f"no column {' or '.join(f'sigma_{name}' for name in columns)}"
@@ -187,7 +189,7 @@ def read_measurement(
     )
 
 
-def _of_table(
+def _rows_of_table(
     options: MeasurementInput, kind: SensorKind, week: int
 ) -> tuple[tuple[str, ...], LogRows]:
     """Return the columns that a table has of the values, and its rows in SI."""
@@ -219,7 +221,7 @@ def _of_table(
     return columns, (own_week or week, time, factor * values, lines, sigma, notes)
 
 
-def _of_log(
+def _rows_of_log(
     options: MeasurementInput, kind: SensorKind, log: LogRows
 ) -> tuple[tuple[str, ...], LogRows]:
     """Return the columns of the values, and the rows of a log of another format in SI."""

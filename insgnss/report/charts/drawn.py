@@ -134,10 +134,7 @@ def _bytes(figure: Any, form: Form, paper: Paper) -> bytes:
 
 
 def figure_of(
-    columns: Sequence[Sequence[Chart]],
-    title: str = "",
-    subtitle: str = "",
-    paper: Paper = SCREEN,
+    columns: Sequence[Sequence[Chart]], title: str = "", subtitle: str = "", paper: Paper = SCREEN
 ) -> Any:
     """Return the figure of matplotlib that `draw_sheet` writes.
 

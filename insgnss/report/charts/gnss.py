@@ -126,10 +126,7 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
         drawn = list(panels(series, minutes))
         if drawn:
             yield Chart(
-                *(name, title, text, drawn, label),
-                link="time",
-                shades=tuple(shades),
-                limits=limits,
+                *(name, title, text, drawn, label), link="time", shades=tuple(shades), limits=limits
             )
 
 
@@ -155,11 +152,7 @@ def _solution_panels(series: Series, minutes: Minutes) -> Iterator[Panel]:
             scale="log",
             limits=(LEAST_RATIO, 1.2 * MOST_RATIO),
         )
-    for name, label in (
-        ("age_s", "age of the base's data, s"),
-        ("pdop", "PDOP"),
-        ("hdop", "HDOP"),
-    ):
+    for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP"), ("hdop", "HDOP")):
         if name in series and not (name == "hdop" and "pdop" in series):
             y = np.asarray(series[name], dtype=np.float64)
             yield Panel(label, list(_by_class(t, y, kind, classified)))

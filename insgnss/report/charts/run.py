@@ -22,6 +22,7 @@ from .chart import AXES_INKS, Array, Background, Chart, Ink, Layer, Panel
 from .pieces import dots, length_unit, line, over_time
 from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
+LONGEST_LABEL = 30  # characters of a label (-): more than this overlaps its neighbours
 _MAP = (
     "The flight seen from above, straight lines with their numbers; a cross marks a rejected fix,"
     " red where no fix was used for a while, a ring a stationary period. Two fingers, or the"
@@ -283,11 +284,11 @@ def _sigmas_by_image(eo: ExteriorOrientation) -> Chart:
         )
         for sigma, label in rows
     ]
-    label = f"image, by number (1 is {_short(eo.images[0])})"
+    label = f"image, by number (1 is {_shortened_label(eo.images[0])})"
     title = "How well each image is known"
     return Chart("image-sigmas", title, _BY_IMAGE, panels, label, link="image")
 
 
-def _short(name: str) -> str:
+def _shortened_label(name: str) -> str:
     """Name as it fits a label."""
-    return name if len(name) <= 30 else name[:27] + "..."
+    return name if len(name) <= LONGEST_LABEL else f"{name[: LONGEST_LABEL - 3]}..."

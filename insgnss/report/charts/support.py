@@ -59,7 +59,7 @@ _SEPARATION = (
 def innovations(run: Diagnostics, marks: Marks) -> Chart:
     """Return innovations (north, east, down) and NIS over time, rejected fixes included."""
     t = marks.minutes(run.fix_time)
-    usable = _kept(run)
+    usable = _usable_fixes(run)
     half_height = max(
         1.5 * float(np.quantile(np.abs(run.innovation[usable]), 0.98)),
         1.15 * float(np.quantile(3 * run.innovation_sigma[usable], 0.9)),
@@ -93,7 +93,7 @@ def innovations(run: Diagnostics, marks: Marks) -> Chart:
     return over_time("innovations", title, _INNOVATIONS, [*panels, nis], marks)
 
 
-def _kept(run: Diagnostics) -> NDArray[np.bool_]:
+def _usable_fixes(run: Diagnostics) -> NDArray[np.bool_]:
     """Return the used fixes with an innovation; all with one where none was used."""
     finite = np.isfinite(run.innovation.sum(axis=1))
     return finite & run.used if (finite & run.used).any() else finite
@@ -107,7 +107,7 @@ def _points(t: Array, y: Array, used: NDArray[np.bool_]) -> Iterator[Layer]:
 
 def distributions(run: Diagnostics) -> Iterator[Chart]:
     """Histograms of the normalised innovations and of NIS, with what honest sigmas promise."""
-    usable = _kept(run)
+    usable = _usable_fixes(run)
     edges = np.linspace(-4.5, 4.5, 37)
     density_axis = np.linspace(-4.5, 4.5, 181)
     normal = np.exp(-0.5 * density_axis**2) / math.sqrt(2.0 * math.pi)
@@ -197,7 +197,7 @@ def constants(run: Diagnostics, marks: Marks) -> Chart | None:
         return None
     t = marks.minutes(run.time)
     panels = []
-    for label, members in _together(constants.states):
+    for label, members in _grouped_states(constants.states):
         factor, unit = state_unit(constants.states[members[0]])
         layers: list[Layer] = []
         for row, column in enumerate(members):
@@ -216,7 +216,7 @@ def constants(run: Diagnostics, marks: Marks) -> Chart | None:
     return over_time("constants", title, _CONSTANTS_CAPTION, panels, marks)
 
 
-def _together(states: Sequence[State]) -> list[tuple[str, list[int]]]:
+def _grouped_states(states: Sequence[State]) -> list[tuple[str, list[int]]]:
     """Return constants that share a panel under one name: the three axes of one quantity."""
     groups: dict[str, list[int]] = {}
     for k, state in enumerate(states):

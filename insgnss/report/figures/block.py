@@ -111,7 +111,7 @@ def _map_chart(figures: Mapping[str, Any], ground: Ground) -> Chart:
     if lines:
         starts = position[[rows[0] for rows in lines]]
         layers.append(Layer("labels", starts[:, 0], starts[:, 1], ink="faint", texts=numbers))
-    points = list(_surveyed(figures))
+    points = list(_surveyed_points(figures))
     reading = "Dots are images."
     if lines:
         reading = (
@@ -160,7 +160,7 @@ class _SurveyedPoints:
         yield Layer("labels", x, y + above, ink="ink", texts=self.names)
 
 
-def _surveyed(figures: Mapping[str, Any]) -> Iterator[_SurveyedPoints]:
+def _surveyed_points(figures: Mapping[str, Any]) -> Iterator[_SurveyedPoints]:
     """Yield ground control and check points, as far as there are residuals."""
     kinds: tuple[tuple[str, str, str, Ink, Mark], ...] = (
         ("ground control", "ground_control", "residual_m", "second", "triangle"),
@@ -278,12 +278,12 @@ def _images(figures: Mapping[str, Any]) -> Chart:
         return Layer("points", number, values, name, ink, texts=names, width=5.0)
 
     panels = [
-        Panel("rms, px", [dots(rms, "", "first")], limits=_from_zero(rms)),
+        Panel("rms, px", [dots(rms, "", "first")], limits=_limits_from_zero(rms)),
         *(
             Panel(
                 label,
                 [dots(values[:, k], axis, AXES_INKS[k]) for k, axis in enumerate(axes)],
-                limits=_from_zero(values),
+                limits=_limits_from_zero(values),
             )
             for label, values, axes in (
                 ("sigma, mm", sigma, ("E", "N", "U")),
@@ -302,7 +302,7 @@ def _images(figures: Mapping[str, Any]) -> Chart:
     return Chart("by-image", title, reading, panels, label, link="image", limits=ends)
 
 
-def _from_zero(values: Array) -> tuple[float, float]:
+def _limits_from_zero(values: Array) -> tuple[float, float]:
     """Limits from zero to somewhat above the largest of the values that are known."""
     finite = values[np.isfinite(values)]
     return 0.0, 1.08 * float(finite.max(initial=1e-9))

@@ -109,14 +109,14 @@ def _scatter_layers(data: Scatter, k: int, factor: float, label: str) -> list[La
             continue
         x, y, s = number[chosen], deviation[chosen], sigma[chosen]
         if s.any():
-            bars = _upright(x, y - s, y + s)
+            bars = _error_bars(x, y - s, y + s)
             layers.append(Layer("line", *bars, ink=ink))
         names = [n for n, shown in zip(data.names, chosen, strict=True) if shown]
         layers.append(Layer("points", x, y, name, ink, texts=names, width=7.0))
     return layers
 
 
-def _upright(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
+def _error_bars(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Return a line of upright bars, broken between them; x ascends, a bar leans by a hair."""
     hairs = np.array([-HAIR, HAIR, 2.0 * HAIR])
     gap = np.full(x.size, np.nan)
@@ -248,14 +248,14 @@ def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Chart, .
             f"over-{label.partition(',')[0].replace(' ', '-')}",
             f"What is left, over {label.partition(',')[0]}",
             reading,
-            [Panel(name, _over(x, values)) for name, values in shown],
+            [Panel(name, _dots_and_means(x, values)) for name, values in shown],
             label,
         )
         for label, x in against.items()
     )
 
 
-def _over(x: Array, values: Array) -> list[Layer]:
+def _dots_and_means(x: Array, values: Array) -> list[Layer]:
     """Dots of every image, and lines of the means of images alike."""
     layers = [ZERO]
     texts = _numbered(np.ones(x.size, dtype=np.bool_))

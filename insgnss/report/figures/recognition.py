@@ -91,7 +91,7 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     return np.asarray((time >= time[first]) & (time < time[first] + length))
 
 
-def _reach(*series: Array) -> tuple[float, float] | None:
+def _symmetric_limits(*series: Array) -> tuple[float, float] | None:
     """Return limits that a few outliers of GNSS do not widen."""
     finite = np.concatenate([x[np.isfinite(x)] for x in series])
     if not finite.size:
@@ -113,7 +113,7 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
             Layer("line", x, felt, "felt by the IMU", AXES_INKS[k]),
             Layer("points", x, of_gnss, "seen by GNSS", "ink", width=3.5),
         ]
-        return Panel(label, layers, limits=_reach(felt, of_gnss))
+        return Panel(label, layers, limits=_symmetric_limits(felt, of_gnss))
 
     panels = [panel("turn rate about the vertical, deg/s", gyro, gnss, 0)]
     for k, name in enumerate(BODY):

@@ -155,10 +155,7 @@ def nis(figures: Figures) -> Iterator[Finding]:
                 " the noise of the IMU"
             )
             yield ranked(
-                "innovations",
-                TRUST * c["mean_per_dof"] / NIS_MATTERS[1],
-                f"{text}; {why}",
-                help_,
+                "innovations", TRUST * c["mean_per_dof"] / NIS_MATTERS[1], f"{text}; {why}", help_
             )
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)

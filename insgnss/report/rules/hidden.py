@@ -30,10 +30,10 @@ UNSEEN = "unseen constants"  # check that says how large an error of lever arm o
 
 def hidden(figures: Figures) -> list[Finding]:
     """Return the errors that the flight's data cannot reveal, each with its effect and remedy."""
-    return [] if figures["standing"] else [*_of_positions(figures), *_of_images(figures)]
+    return [] if figures["standing"] else [*_position_notes(figures), *_image_notes(figures)]
 
 
-def _of_positions(figures: Figures) -> Iterator[Finding]:
+def _position_notes(figures: Figures) -> Iterator[Finding]:
     """Yield the errors that shift the whole trajectory and that no flight can reveal."""
     moved = "the images" if figures["exposures"] else "the trajectory"
     yield _note(
@@ -78,14 +78,14 @@ def _of_positions(figures: Figures) -> Iterator[Finding]:
     yield _note(
         "deflection of the vertical",
         f"a plumb line that is not normal to the ellipsoid tilts {moved} by as much:"
-        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_turned(deflection_deg)}; the"
-        f" sigmas allow for {allowed:g} arcsec",
+        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_image_shift_text(deflection_deg)};"
+        f" the sigmas allow for {allowed:g} arcsec",
         "do nothing where this is below the accuracy that is needed; else state"
         " gnss.deflection_arcsec from a geoid model and its sigma, or adjust with ground control",
     )
 
 
-def _of_images(figures: Figures) -> Iterator[Finding]:
+def _image_notes(figures: Figures) -> Iterator[Finding]:
     """Yield the errors of bore-sight and events that no flight can reveal."""
     if figures["exposures"] is None:
         return
@@ -98,7 +98,7 @@ def _of_images(figures: Figures) -> Iterator[Finding]:
             remark += "; so do gyros that are turned in their case, filter.misalignment or not"
         yield _note(
             BORESIGHT,
-            f"an error turns every image by as much: {_turned(BORESIGHT_DEG)}{remark}",
+            f"an error turns every image by as much: {_image_shift_text(BORESIGHT_DEG)}{remark}",
             f'calibrate it on control points; accept = ["{BORESIGHT}"] says that it is right',
         )
     spacing = [
@@ -113,7 +113,8 @@ def _of_images(figures: Figures) -> Iterator[Finding]:
     )
 
 
-def _turned(angle_deg: float) -> str:
+def _image_shift_text(angle_deg: float) -> str:
+    """Return an angle, deg, with the shift on the ground that it causes."""
     moved = 1e3 * PER_M * math.radians(angle_deg)
     return f"{degrees(angle_deg)} or {millimetres(moved)} on the ground {PER_M:.0f} m away"
 

@@ -147,22 +147,26 @@ def use(
     ]
     needed = np.hstack(needs)
     sigma = np.hstack([judged.position_m, judged.attitude_deg])
-    insufficient = _beyond(sigma, needed)
+    insufficient = _rows_beyond_need(sigma, needed)
     weakest = list(_insufficient(figures, judged, sigma, needed))
     topics = [topic for _, same in weakest for topic in same]
     reasons = [text for text, _ in weakest]
-    inflations = [(each, *_enlarged(each, judged)) for each in _reasons_of_wide_sigmas(figures)]
+    inflations = [
+        (each, *_factor_and_shift(each, judged)) for each in _reasons_of_wide_sigmas(figures)
+    ]
     factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
     for _, scale, shift in inflations:
         factor, moved = np.maximum(factor, scale), np.hypot(moved, shift)
     enlarged = np.hypot(factor * sigma, moved)
-    beyond = _beyond(enlarged, needed)
+    beyond = _rows_beyond_need(enlarged, needed)
     for inflation, scale, shift in inflations:
         concerned = beyond & judged.within(inflation.span)
-        if (concerned & _beyond(np.hypot(scale * sigma, shift), needed) & ~insufficient).any():
+        if (
+            concerned & _rows_beyond_need(np.hypot(scale * sigma, shift), needed) & ~insufficient
+        ).any():
             reasons.append(f"{inflation.text} ({judged.listed(concerned)}); {inflation.help}")
             topics.append(inflation.topic)
-    against = list(_against(figures))
+    against = list(_refusals(figures))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
     until = ""
     if verdict != NO and (questions := list(_questions(figures))):
@@ -183,7 +187,8 @@ def use(
     }
 
 
-def _beyond(sigma: Array, needed: Array) -> Rows:
+def _rows_beyond_need(sigma: Array, needed: Array) -> Rows:
+    """Return which of n images have a standard deviation beyond the need."""
     rows: Rows = np.logical_or.reduce(sigma > needed, axis=1)
     return rows
 
@@ -209,7 +214,7 @@ def _usual_need(figures: Figures, judged: JudgedPlaces) -> tuple[Array, Array]:
     return NEED_OF_FIX * np.array([east, north, down]), need_deg
 
 
-def _enlarged(inflation: Inflation, judged: JudgedPlaces) -> tuple[Array, Array]:
+def _factor_and_shift(inflation: Inflation, judged: JudgedPlaces) -> tuple[Array, Array]:
     """Return k and d (n, 6) of (U.1) of one inflation."""
     rows = judged.within(inflation.span)
     k, d = np.ones((judged.time.size, 6)), np.zeros((judged.time.size, 6))
@@ -218,7 +223,7 @@ def _enlarged(inflation: Inflation, judged: JudgedPlaces) -> tuple[Array, Array]
     return k, d
 
 
-def _against(figures: Figures) -> Iterator[str]:
+def _refusals(figures: Figures) -> Iterator[str]:
     """Yield what forbids the use of all images, whatever their sigmas are."""
     for check in figures["checks"]:
         if check["verdict"] == "contradiction":
@@ -368,7 +373,7 @@ def _insufficient(
 
     The topics are those of the limits that say the same.
     """
-    beyond = _beyond(sigma, needed)
+    beyond = _rows_beyond_need(sigma, needed)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
     runs = edges.reshape(-1, 2)
     if len(runs) > MOST_PLACES:
@@ -378,7 +383,9 @@ def _insufficient(
         rows = np.zeros_like(beyond)
         rows[begin:end] = beyond[begin:end]
         row, column = _weakest(sigma / needed, rows)
-        why, help_ = _cause(figures, float(judged.time[begin]), float(judged.time[end - 1]), column)
+        why, help_ = _cause_and_help(
+            figures, float(judged.time[begin]), float(judged.time[end - 1]), column
+        )
         outages = [
             outage["time_s"] for outage in figures["outages"] if no_fix(figures, outage) in why
         ]
@@ -412,7 +419,7 @@ def _weakest(ratio: Array, rows: Rows) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _cause(figures: Figures, begin: float, end: float, column: int) -> tuple[str, str]:
+def _cause_and_help(figures: Figures, begin: float, end: float, column: int) -> tuple[str, str]:
     """Return why images are weak and what helps, each after a separator; nothing where unknown."""
     outages = [o for o in figures["outages"] if o["time_s"] <= end + 1.0]
     outages = [o for o in outages if o["time_s"] + o["length_s"] >= begin - 1.0]

@@ -234,9 +234,7 @@ def _bands(observations: Observations, letter: str) -> tuple[str, ...]:
     return tuple(sorted(measured))
 
 
-def rover_and_base(
-    receivers: Sequence[Receiver],
-) -> tuple[Receiver | None, Receiver | None, str]:
+def rover_and_base(receivers: Sequence[Receiver]) -> tuple[Receiver | None, Receiver | None, str]:
     """Return the receiver that flew, the base for it, and what tells them apart.
 
     Parameters
@@ -262,7 +260,7 @@ def rover_and_base(
         ),
         (
             "its time lies within that of the others",
-            lambda one: all(_within(one, r) for r in receivers if r is not one),
+            lambda one: all(_is_within(one, r) for r in receivers if r is not one),
         ),
     )
     for why, moves in rules:
@@ -288,7 +286,8 @@ def _common(first: Receiver, second: Receiver) -> float:
     return min(first.last_s, second.last_s) - max(first.first_s, second.first_s)
 
 
-def _within(inner: Receiver, outer: Receiver) -> bool:
+def _is_within(inner: Receiver, outer: Receiver) -> bool:
+    """Return whether the span of a receiver lies inside that of another."""
     longer = outer.last_s - outer.first_s
     return inner.last_s - inner.first_s < WITHIN * longer and _common(inner, outer) > WITHIN * (
         inner.last_s - inner.first_s

@@ -30,15 +30,7 @@ from .quality import codes_of, quality_by_values
 PLURAL_OF_SENSOR = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 GEOCENTRIC_SIGMAS = {"sd_x", "sd_y", "sd_z"}
-SIGMA_ROLES = {
-    "sd_n",
-    "sd_e",
-    "sd_u",
-    "sd_ne",
-    "var_n",
-    "var_e",
-    "var_u",
-} | GEOCENTRIC_SIGMAS
+SIGMA_ROLES = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} | GEOCENTRIC_SIGMAS
 OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
@@ -106,7 +98,8 @@ def _two_triads(values: Array, used_columns: set[int]) -> tuple[int, int] | None
         if not all(changes[first_column : first_column + 6]):
             continue
         ratio = [
-            _steadiness(rows[:, column : column + 3]) for column in (first_column, first_column + 3)
+            _mean_over_scatter(rows[:, column : column + 3])
+            for column in (first_column, first_column + 3)
         ]
         gap = max(ratio) / max(min(ratio), 1e-12)
         if (
@@ -136,10 +129,14 @@ def _triads_between_constants(rows: Array, alive: list[bool]) -> tuple[int, int]
         triads += [first] * whole
         first += 3 if whole else 1
     data = {k: rows[:, k : k + 3] for k in triads}
-    heavy = [k for k in triads if _of_gravity(data[k]) and _steadiness(data[k]) > MEAN_OVER_SCATTER]
+    heavy = [
+        k
+        for k in triads
+        if _of_gravity(data[k]) and _mean_over_scatter(data[k]) > MEAN_OVER_SCATTER
+    ]
     if len(triads) < 3 or not heavy:
         return None
-    accel = max(heavy, key=lambda k: _steadiness(data[k]))
+    accel = max(heavy, key=lambda k: _mean_over_scatter(data[k]))
     turned = {
         gyro: max(_rotation_correlation(data[k], data[gyro]) for k in triads if k != gyro)
         for gyro in triads
@@ -147,7 +144,7 @@ def _triads_between_constants(rows: Array, alive: list[bool]) -> tuple[int, int]
     }
     gyro = max(turned, key=lambda k: turned[k])
     if turned[gyro] < TURNING_CORRELATION:
-        gyro = min(turned, key=lambda k: _steadiness(data[k]))
+        gyro = min(turned, key=lambda k: _mean_over_scatter(data[k]))
     return gyro, accel
 
 
@@ -180,7 +177,7 @@ def _of_gravity(force: Array) -> bool:
     return any(abs(np.log(max(size, 1e-12) / g)) < NEAR_GRAVITY for g in GRAVITY_IN_UNITS)
 
 
-def _steadiness(triad: Array) -> float:
+def _mean_over_scatter(triad: Array) -> float:
     """|mean| / scatter."""
     return float(
         np.linalg.norm(np.mean(triad, axis=0)) / max(np.sqrt(np.sum(np.var(triad, axis=0))), 1e-30)
@@ -194,11 +191,11 @@ def gnss_roles(grid: UnknownTable) -> Roles | None:
         return None if roles is None else in_metres(roles, twin[1])
     columns = {name: k for name, k in grid.of_fixes().items() if name not in OF_METRES}
     if {"lat", "lon", "h"} <= columns.keys():
-        return _completed(grid, columns)
+        return _roles_with_units(grid, columns)
     return None if any(name is not None for name in grid.names) else fixes_by_values(grid)
 
 
-def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
+def _roles_with_units(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
     named, unread = columns, dict[str, str]()
 

@@ -29,14 +29,7 @@ from .clocks import UNIX_FROM, clock_names, tick
 from .grids import FEWEST_ROWS, GridTable
 from .halves import half_of_imu
 from .names import ACCEL, GYRO, Roles, UnknownTable
-from .roles import (
-    SIGMA_ROLES,
-    fixes_by_values,
-    gnss_roles,
-    has_gravity,
-    imu_roles,
-    triads_named,
-)
+from .roles import SIGMA_ROLES, fixes_by_values, gnss_roles, has_gravity, imu_roles, triads_named
 
 ASSUMED_HZ = 100.0  # of a table without clock: the usual rate of small IMUs
 ATTITUDE = re.compile(
@@ -76,10 +69,10 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
     named = any(name is not None for name in grid.names)
     finite = np.isfinite(grid.values).all(axis=0)
     enough_rows = len(grid.values) >= FEWEST_ROWS
-    fixes = gnss_roles(_whole(grid, finite)) if enough_rows else None
-    samples = imu_roles(_whole(grid, finite)) if enough_rows else None
+    fixes = gnss_roles(_zero_filled(grid, finite)) if enough_rows else None
+    samples = imu_roles(_zero_filled(grid, finite)) if enough_rows else None
     if named and fixes is None and samples is None and enough_rows:
-        fixes = fixes_by_values(_whole(grid, finite))
+        fixes = fixes_by_values(_zero_filled(grid, finite))
     if not named and fixes is not None and samples is not None:
         moves = {"vn", "speed"} & fixes.columns.keys()
         if has_gravity(grid, samples) and not moves:
@@ -98,7 +91,7 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
         readable.append((_imu_source, samples))
     if fixes is not None and fixes.clocks and not solution:
         readable.append((_gnss_source, fixes))
-    unread_columns = _left_out(table, finite, [roles for _, roles in readable])
+    unread_columns = _unread_columns(table, finite, [roles for _, roles in readable])
     sources = [
         replace(source_of(path, table, roles), columns_left_out=unread_columns)
         for source_of, roles in readable
@@ -116,7 +109,7 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
     return events
 
 
-def _whole(grid: UnknownTable, finite: Any) -> UnknownTable:
+def _zero_filled(grid: UnknownTable, finite: Any) -> UnknownTable:
     """Return the table with zeros for columns without a name that are no number in some rows.
 
     A column of zeros is taken for nothing.
@@ -130,7 +123,7 @@ def _whole(grid: UnknownTable, finite: Any) -> UnknownTable:
     return replace(grid, values=values)
 
 
-def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
+def _unread_columns(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
     """Name the columns that no input takes, with the reason where there is a particular one."""
     grid = table.grid
     used: set[int | None] = set(grid.nanos.values())
@@ -186,7 +179,7 @@ def _imu_source(path: Path, table: GridTable, roles: Roles) -> InputSource:
     """Samples by their first clock; by the others in `other_clocks`."""
     sources = []
     for clock, unit in roles.clocks.items() or [(None, "s")]:
-        entry = _named(table)
+        entry = _keys_of_variable(table)
         columns, span = dict(roles.columns), None
         if clock is None:
             entry.set("rate_hz", ASSUMED_HZ, NO_CLOCK)
@@ -238,7 +231,7 @@ def _gnss_source(path: Path, table: GridTable, roles: Roles) -> InputSource:
     """Return the fixes timed by their first clock; those by the others in `other_clocks`."""
     sources = []
     for clock, unit in roles.clocks.items():
-        entry = _named(table)
+        entry = _keys_of_variable(table)
         columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
         _time_unit(entry, table.grid, clock, unit)
         _add_units(entry, table.grid, roles)
@@ -321,7 +314,7 @@ def _clock_columns(grid: UnknownTable, clock: int, week: int | None) -> dict[str
     return {name: k for name, k in columns.items() if k is not None}
 
 
-def _named(table: GridTable) -> Keys:
+def _keys_of_variable(table: GridTable) -> Keys:
     """The key of the variable that holds the table, where the file has variables."""
     return Keys({} if table.variable is None else {"variable": table.variable})
 

@@ -24,13 +24,7 @@ from ....base.files import atomic_write
 from ....records import FramedOrientation
 from ....records.framed import TANGENT
 from ..orientation.ascii_columns import line_form
-from ..orientation.exported import (
-    check_names,
-    comment_lines,
-    frame_words,
-    places,
-    xml_text,
-)
+from ..orientation.exported import check_names, comment_lines, frame_words, places, xml_text
 from ..text.text import Source
 
 BENTLEY_HEAD = """<?xml version="1.0" encoding="utf-8"?>
@@ -98,9 +92,7 @@ def write_bentley(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
     head = BENTLEY_HEAD.format(
-        comment=comment,
-        name=xml_text(frame_words(eo)),
-        definition=xml_text(definition),
+        comment=comment, name=xml_text(frame_words(eo)), definition=xml_text(definition)
     )
     atomic_write(
         path,

@@ -132,10 +132,10 @@ def read_background(
         raise InputError.unread(path, error, "check path and permission") from None
     except UsageError as error:
         raise InputError.in_file(path, str(error)) from None
-    return GroundPicture(_drawn(path, raster, net_of, lat, lon), edges)
+    return GroundPicture(_resampled(path, raster, net_of, lat, lon), edges)
 
 
-def _drawn(path: Path, raster: Any, net_of: Any, lat: Array, lon: Array) -> Any:
+def _resampled(path: Path, raster: Any, net_of: Any, lat: Array, lon: Array) -> Any:
     """Return the pixels (h, w, 3) of the picture: the raster where its points lie in it."""
     from scipy.ndimage import map_coordinates
 
@@ -183,7 +183,7 @@ def _geotiff(path: Path, net_of: Any) -> tuple[_Raster, Any]:
                 if image.format != "TIFF":
                     raise ValueError(f"it is {image.format}")
                 to_pixel, crs = _georeference(path, dict(image.tag_v2))
-                return _part(image, to_pixel, net_of(crs)), crs
+                return _covered_part(image, to_pixel, net_of(crs)), crs
         except (OSError, SyntaxError, ValueError, KeyError) as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise
@@ -194,7 +194,7 @@ def _geotiff(path: Path, net_of: Any) -> tuple[_Raster, Any]:
             Image.MAX_IMAGE_PIXELS = default_limit
 
 
-def _part(image: Any, to_pixel: Any, net: tuple[Array, Array]) -> _Raster:
+def _covered_part(image: Any, to_pixel: Any, net: tuple[Array, Array]) -> _Raster:
     """Return the pixels that the net covers, of the overview that suits the picture."""
     columns, rows = to_pixel(*net)
     finest = max(float(np.ptp(columns)) / PICTURE_WIDTH_PX, float(np.ptp(rows)) / PICTURE_HEIGHT_PX)
@@ -211,7 +211,7 @@ def _part(image: Any, to_pixel: Any, net: tuple[Array, Array]) -> _Raster:
         corner.append(max(int(pixels.min() / scale) - 2, 0))
         end.append(min(int(pixels.max() / scale) + 3, side))
     if corner[0] >= end[0] or corner[1] >= end[1]:
-        corner, end = [0, 0], [1, 1]  # beside the flight, as `_drawn` says
+        corner, end = [0, 0], [1, 1]  # beside the flight, as `_resampled` says
     rgba, shrink = _reduced(image.crop((*corner, *end)), finest / max(overview_scale))
 
     def columns_rows(x: Array, y: Array) -> tuple[Array, Array]:
@@ -260,8 +260,7 @@ def _georeference(path: Path, tags: dict[int, Any]) -> tuple[Any, Any]:
     code = next((keys[key] for key in CRS_KEYS if key in keys), USER_DEFINED)
     if code == USER_DEFINED:
         raise InputError.in_file(
-            path,
-            "names no CRS by its EPSG code; write it anew by gdalwarp -t_srs EPSG:3857",
+            path, "names no CRS by its EPSG code; write it anew by gdalwarp -t_srs EPSG:3857"
         )
     # else its corner is at a whole number
     corner_offset = 0.5 if keys.get(RASTER_KEY) == RASTER_POINT else 0.0

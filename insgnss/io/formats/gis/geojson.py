@@ -76,7 +76,7 @@ def write_geojson(
     if eo.frame.datum != "EPSG:4979":  # the member of 2008, since RFC 7946 knows WGS 84 alone
         urn = "urn:ogc:def:crs:" + eo.frame.datum.replace(":", "::")
         head["crs"] = {"type": "name", "properties": {"name": urn}}
-    rows = _orthority(eo, camera) if dialect == "orthority" else _features(eo)
+    rows = _orthority_features(eo, camera) if dialect == "orthority" else _features(eo)
     start = json.dumps(head).removesuffix("}") + ', "features": [\n'
     atomic_write(path, listed_rows(start, rows, ",\n", "\n]}\n"))
 
@@ -164,18 +164,19 @@ def cut_at_antimeridian(position: Array) -> list[Array]:
         fraction = (side - point[0]) / longitude_step if longitude_step else 0.0
         end, begin = np.tile(point + fraction * (next_point - point), (2, 1))
         end[0], begin[0] = side, -side
-        pieces.append([start, position[first_row : row + 1], _unless(end, point)])
-        start, first_row = _unless(begin, next_point), row + 1
+        pieces.append([start, position[first_row : row + 1], _point_unless_same(end, point)])
+        start, first_row = _point_unless_same(begin, next_point), row + 1
     pieces.append([start, position[first_row:]])
     return [line for piece in pieces if len(line := np.vstack(piece)) > 1]
 
 
-def _unless(point: Array, same: Array) -> Array:
+def _point_unless_same(point: Array, same: Array) -> Array:
     """Return a point as (1, 3), or (0, 3) where it is the same as another."""
     return point[None] if np.any(point != same) else np.empty((0, 3))
 
 
-def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
+def _orthority_features(eo: FramedOrientation, camera: str) -> Iterator[str]:
+    """Yield the GeoJSON feature of each image with the keys that Orthority reads."""
     opk = numbers_of(eo, "opk", Conventions(unit="rad"))
     lens = json.dumps(camera).replace("%", "%%")
     form = (

@@ -215,12 +215,7 @@ def _line(coordinates: Array, srs: int) -> bytes:
 def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple[object, ...]]:
     """Yield the row of each image: geometry, name, time, angles, sigmas, rotation, covariance."""
     reals = np.hstack(
-        [
-            all_angles(eo),
-            position_sigma(eo),
-            quaternion_from_rotation(eo.C_fc),
-            eo.geodetic[:, 2:],
-        ]
+        [all_angles(eo), position_sigma(eo), quaternion_from_rotation(eo.C_fc), eo.geodetic[:, 2:]]
     )
     covariance_form = json.dumps([["%.9g"] * 6] * 6).replace('"', "")
     for geometry, name, when, tow, row, covariance in zip(

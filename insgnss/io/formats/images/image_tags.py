@@ -322,10 +322,10 @@ def _arguments(source: Path, tags: Tags) -> str:
 
 def _write(source: Path, target: Path, tags: Tags) -> None:
     with readable(source), opened(source) as stream:
-        atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
+        atomic_write(target, _tagged_copy(stream, os.fstat(stream.fileno()).st_size, source, tags))
 
 
-def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
+def _tagged_copy(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
     """Yield the bytes of the copy, JPEG or TIFF, with the new tags."""
     read = reader(stream)
     name = str(source)
@@ -338,7 +338,7 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
             lambda xmp: packet(xmp, tags, name),
         )
         yield beginning
-        yield from _from(stream, content_start)
+        yield from _remaining_bytes(stream, content_start)
         return
     if read(0, 2) not in (b"II", b"MM"):
         raise InputError.in_file(
@@ -350,11 +350,11 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
         {XMP: xmp}, *exif_tags(tiff.bytes_of(tiff.exif, EXIF_VERSION), tags)
     )
     yield header
-    yield from _from(stream, len(header))
+    yield from _remaining_bytes(stream, len(header))
     yield appended
 
 
-def _from(stream: BinaryIO, offset: int) -> Iterator[bytes]:
+def _remaining_bytes(stream: BinaryIO, offset: int) -> Iterator[bytes]:
     stream.seek(offset)
     while chunk := stream.read(COPIED_BYTES):
         yield chunk

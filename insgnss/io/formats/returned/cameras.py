@@ -145,10 +145,10 @@ def _opencv_camera(
     parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_SHIFT_PX, CENTRE_SHIFT_PX)).tolist())]
     model, term_count = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
     parameters += map(repr, rational[:term_count].tolist())
-    return _of_words(path, name, f"{model} " + " ".join(map(str, parameters)))
+    return _camera_of_words(path, name, f"{model} " + " ".join(map(str, parameters)))
 
 
-def _of_words(path: Path, name: str, text: str) -> BrownCamera:
+def _camera_of_words(path: Path, name: str, text: str) -> BrownCamera:
     """Return a camera in COLMAP's notation."""
     try:
         camera = camera_of(text, "camera")
@@ -216,7 +216,9 @@ def _kalibr(path: Path) -> Cameras:
 
 def _colmap(path: Path) -> Cameras:
     rows = [row.split(maxsplit=1) for row in decoded(path).splitlines() if row.strip()]
-    return tuple(_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:])
+    return tuple(
+        _camera_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:]
+    )
 
 
 def _pix4d(path: Path) -> Cameras:

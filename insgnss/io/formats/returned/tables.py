@@ -84,10 +84,10 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
             )
         names.append(fields[0])
         rows.append(values[:6])
-    return _of_angles(path, names, np.reshape(rows, (-1, 6)))
+    return _poses_of_angles(path, names, np.reshape(rows, (-1, 6)))
 
 
-def _of_angles(
+def _poses_of_angles(
     path: Source,
     names: Sequence[str],
     table: Array,
@@ -171,7 +171,7 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         images = image_names(names, path)
         return ReturnedPoses(images, table[:, :3], None, kind, crs, notes=notes, cov_position=cov)
     angle_set = "opk" if angles == "omega" else "ypr"
-    poses = _of_angles(path, names, table[:, :6], kind, crs, notes, angle_set)
+    poses = _poses_of_angles(path, names, table[:, :6], kind, crs, notes, angle_set)
     return replace(poses, cov_position=cov)
 
 
@@ -233,7 +233,7 @@ def read_pix4d_external(path: Source) -> ReturnedPoses:
     names, table = _name_xyz_opk(path, "imagename", OPK_COLUMNS)
     offset, kind, crs, notes = _pix4d_offset_and_crs(path, EXTERNAL, table[:, :3])
     table[:, :3] += offset
-    return _of_angles(path, names, table, kind, crs, notes)
+    return _poses_of_angles(path, names, table, kind, crs, notes)
 
 
 def read_ign_opk(path: Source) -> ReturnedPoses:
@@ -266,7 +266,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
                     path, line, f"angles in {shown(unit.strip())}; grades, degres, radians are read"
                 )
             table[:, 3:] *= factor
-    return _of_angles(path, names, table)
+    return _poses_of_angles(path, names, table)
 
 
 def _name_xyz_opk(
@@ -407,7 +407,7 @@ def read_odm_geo(path: Source) -> ReturnedPoses:
             sigma.append([plan, plan, height])
     full = len(sigma) == len(names) > 0
     cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3) if full else None
-    return _of_positions(path, names, np.reshape(position, (-1, 3)), crs, cov)
+    return _poses_of_positions(path, names, np.reshape(position, (-1, 3)), crs, cov)
 
 
 def read_named_positions(path: Source) -> ReturnedPoses:
@@ -432,12 +432,16 @@ def read_named_positions(path: Source) -> ReturnedPoses:
     head = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
     code = EPSG.search("".join(line for line in lines_of(head) if line.startswith("#")))
     if not table.geodetic:
-        return _of_positions(path, table.names, table.position, code[0] if code else "", table.cov)
+        return _poses_of_positions(
+            path, table.names, table.position, code[0] if code else "", table.cov
+        )
     degrees = np.column_stack([np.degrees(table.position[:, [1, 0]]), table.position[:, 2]])
-    return _of_positions(path, table.names, degrees, code[0] if code else "EPSG:4979", table.cov)
+    return _poses_of_positions(
+        path, table.names, degrees, code[0] if code else "EPSG:4979", table.cov
+    )
 
 
-def _of_positions(
+def _poses_of_positions(
     path: Source, names: Sequence[str], x: Array, crs: str, cov: Array | None
 ) -> ReturnedPoses:
     """Return positions (n, 3) of images in a CRS, in its unit or in degrees."""
