@@ -77,10 +77,7 @@ class DemoResult:
 
 
 def demo(
-    directory: Path | None = None,
-    minutes: float = 8.0,
-    seed: int = 0,
-    progress: Progress = quiet,
+    directory: Path | None = None, minutes: float = 8.0, seed: int = 0, progress: Progress = quiet
 ) -> DemoResult:
     """Simulate a block flight with a NavChip, process it from its files and compare with the truth.
 

@@ -110,26 +110,27 @@ def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -
 
 
 def _read_sbet(path: Path, gps_week: int | None) -> Trajectory:
+    """Return the trajectory of an SBET file, with the sigmas of the smrmsg file beside it."""
     from ..geodesy.rotation import rotation_from_rpy
     from ..io.formats.trajectory.sbet import read_sbet, read_smrmsg, smrmsg_beside
 
-    s = read_sbet(path)
-    sigma = np.zeros((s.time.size, 9))
-    if (beside := smrmsg_beside(path)) is not None:
-        errors = read_smrmsg(beside)
+    sbet = read_sbet(path)
+    sigma = np.zeros((sbet.time.size, 9))
+    if (error_file := smrmsg_beside(path)) is not None:
+        errors = read_smrmsg(error_file)
         table = np.column_stack([errors.sigma_position_m, errors.sigma_velocity, errors.sigma_rpy])
-        sigma = columns_at(s.time, errors.time, table)
+        sigma = columns_at(sbet.time, errors.time, table)
     return Trajectory(
-        time=s.time,
-        lat=s.lat,
-        lon=s.lon,
-        height=s.height,
-        velocity_ned=s.velocity_ned,
-        C_nb=rotation_from_rpy(s.rpy),
-        cov=_covariance(s.rpy, sigma),
+        time=sbet.time,
+        lat=sbet.lat,
+        lon=sbet.lon,
+        height=sbet.height,
+        velocity_ned=sbet.velocity_ned,
+        C_nb=rotation_from_rpy(sbet.rpy),
+        cov=_covariance(sbet.rpy, sigma),
         gps_week=gps_week or 0,
-        acceleration_b=s.acceleration_b,
-        rate_b=s.rate_b,
+        acceleration_b=sbet.acceleration_b,
+        rate_b=sbet.rate_b,
     )
 
 

@@ -71,9 +71,9 @@ def share(done: float) -> None:
     """
     if not _listeners or not (math.isnan(done) or _in_main_thread()):
         return
-    first, last = _range[-1]
+    begin, end = _range[-1]
     for listener in _listeners:
-        listener(first + (last - first) * done)
+        listener(begin + (end - begin) * done)
 
 
 def _in_main_thread() -> bool:
@@ -81,19 +81,24 @@ def _in_main_thread() -> bool:
 
 
 @contextmanager
-def within(first: float, last: float) -> Iterator[None]:
+def within(begin_share: float, end_share: float) -> Iterator[None]:
     """Have the shares that are said within mean a part of the step, or of the part around it.
 
     Parameters
     ----------
-    first, last : float
+    begin_share, end_share : float
         What of it is done before and after, 0 to 1.
     """
     if not _in_main_thread():
         yield
         return
-    begin, end = _range[-1]
-    _range.append((begin + (end - begin) * first, begin + (end - begin) * last))
+    outer_begin, outer_end = _range[-1]
+    _range.append(
+        (
+            outer_begin + (outer_end - outer_begin) * begin_share,
+            outer_begin + (outer_end - outer_begin) * end_share,
+        )
+    )
     try:
         share(0.0)
         yield

@@ -11,6 +11,8 @@ from typing import Any
 from .errors import InputError, UsageError, unwritten
 from .output.staging import FREE, Staging, together
 
+CONTEXT = 40  # characters shown beside an undecodable one (-): the name around it fits in a line
+
 Content = str | bytes | Iterable[str | bytes]
 
 
@@ -63,6 +65,7 @@ def atomic_writes(contents: Mapping[Path, Content]) -> None:
 
 
 def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
+    """Write each content into the staging file of its path."""
     for path, content in contents.items():
         goal = staging.destination(path)
         try:
@@ -72,8 +75,12 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
         except OSError as error:
             raise unwritten(goal, error, FREE) from None
         except UnicodeEncodeError as error:  # a name of the file system that is in the text
-            around = error.object[max(error.start - 40, 0) : error.end + 40].split("\n")
-            word = next(text for text in around if any("\ud800" <= c <= "\udfff" for c in text))
+            context = error.object[max(error.start - CONTEXT, 0) : error.end + CONTEXT].split("\n")
+            word = next(
+                text
+                for text in context
+                if any("\ud800" <= character <= "\udfff" for character in text)
+            )
             raise InputError(
                 f"{goal}: cannot hold {word!r}, a name that is not UTF-8; rename that file"
             ) from None

@@ -30,9 +30,9 @@ def available(proc: Path = Path("/proc"), groups: Path = CONTROL_GROUPS) -> int 
     int or None
         None where the system does not say.
     """
-    machine = _machine(proc)
+    machine = _machine_memory(proc)
     rooms = [] if machine is None else [machine]
-    rooms += [*_of_groups(proc, groups), *_of_process(proc)]
+    rooms += [*_left_by_groups(proc, groups), *_left_by_process(proc)]
     return max(min(rooms), 0) if rooms else None
 
 
@@ -54,9 +54,9 @@ def kills(proc: Path = Path("/proc"), groups: Path = CONTROL_GROUPS) -> int:
     counted = []
     for version, root, group in _own_groups(proc, groups):
         name = "memory.events" if version == 2 else "memory.oom_control"
-        count = _table(root / str(group).lstrip("/") / name).get("oom_kill")
+        count = _kilobyte_table(root / str(group).lstrip("/") / name).get("oom_kill")
         counted += [] if count is None else [count]
-    return max(counted, default=_table(proc / "vmstat").get("oom_kill", 0))
+    return max(counted, default=_kilobyte_table(proc / "vmstat").get("oom_kill", 0))
 
 
 def resident(pid: int, proc: Path = Path("/proc")) -> int:
@@ -69,7 +69,7 @@ def resident(pid: int, proc: Path = Path("/proc")) -> int:
     proc : Path
         Where Linux tells of processes.
     """
-    return _table(proc / str(pid) / "status").get("VmRSS", 0)
+    return _kilobyte_table(proc / str(pid) / "status").get("VmRSS", 0)
 
 
 def out_of_memory(error: MemoryError) -> str:
@@ -89,7 +89,7 @@ def out_of_memory(error: MemoryError) -> str:
 
 def give_back() -> None:
     """Return freed memory to the system, where the C library keeps it for itself (glibc)."""
-    trim = _of_glibc("malloc_trim")
+    trim = _glibc_function("malloc_trim")
     if trim is not None:
         trim(0)
 
@@ -99,14 +99,14 @@ def keep_freed() -> None:
 
     Else it gives each back to the system, which clears a new one page by page.
     """
-    option = _of_glibc("mallopt")
+    option = _glibc_function("mallopt")
     if option is not None:
         option(M_MMAP_THRESHOLD, KEPT_ARRAY)
         option(M_TRIM_THRESHOLD, 2 * KEPT_ARRAY)
 
 
 @cache
-def _of_glibc(name: str) -> Any:
+def _glibc_function(name: str) -> Any:
     """Return a function of glibc, None elsewhere."""
     if not sys.platform.startswith("linux"):
         return None
@@ -116,17 +116,17 @@ def _of_glibc(name: str) -> Any:
         return None
 
 
-def _table(path: Path) -> dict[str, int]:
+def _kilobyte_table(path: Path) -> dict[str, int]:
     """Return the numbers of a file of names and values, those in kB in bytes; empty without it."""
     out = {}
-    for line in _text(path).splitlines():
+    for line in _text_or_empty(path).splitlines():
         name, *values = line.replace(":", " ").split()
         if values and values[0].isdigit():
             out[name] = int(values[0]) * (1024 if values[1:] == ["kB"] else 1)
     return out
 
 
-def _text(path: Path) -> str:
+def _text_or_empty(path: Path) -> str:
     """Return the text of a file, nothing where it cannot be read."""
     try:
         return path.read_text(encoding="ascii", errors="replace")
@@ -134,9 +134,9 @@ def _text(path: Path) -> str:
         return ""
 
 
-def _machine(proc: Path) -> int | None:
+def _machine_memory(proc: Path) -> int | None:
     """Return what the machine has left, with its swap."""
-    table = _table(proc / "meminfo")
+    table = _kilobyte_table(proc / "meminfo")
     if "MemAvailable" not in table:
         return None
     return table["MemAvailable"] + table.get("SwapFree", 0)
@@ -144,7 +144,7 @@ def _machine(proc: Path) -> int | None:
 
 def _own_groups(proc: Path, groups: Path) -> Iterator[tuple[int, Path, PurePosixPath]]:
     """Yield version, root and name of the control groups that count this process's memory."""
-    for line in _text(proc / "self" / "cgroup").splitlines():
+    for line in _text_or_empty(proc / "self" / "cgroup").splitlines():
         number, controllers, group = (*line.split(":", 2), "", "")[:3]
         if number == "0":
             yield 2, groups, PurePosixPath(group)
@@ -152,7 +152,7 @@ def _own_groups(proc: Path, groups: Path) -> Iterator[tuple[int, Path, PurePosix
             yield 1, groups / "memory", PurePosixPath(group)
 
 
-def _of_groups(proc: Path, groups: Path) -> Iterator[int]:
+def _left_by_groups(proc: Path, groups: Path) -> Iterator[int]:
     """Yield what the control groups of this process leave it, of both versions."""
     for version, root, path in _own_groups(proc, groups):
         if version == 2:
@@ -162,19 +162,24 @@ def _of_groups(proc: Path, groups: Path) -> Iterator[int]:
             cached = "total_inactive_file"
         for group in (path, *path.parents):
             directory = root / str(group).lstrip("/")
-            most, now = _text(directory / limit).strip(), _text(directory / used).strip()
+            most, now = (
+                _text_or_empty(directory / limit).strip(),
+                _text_or_empty(directory / used).strip(),
+            )
             if most.isdigit() and now.isdigit() and int(most) < UNLIMITED:
-                yield int(most) - int(now) + _table(directory / "memory.stat").get(cached, 0)
+                yield (
+                    int(most) - int(now) + _kilobyte_table(directory / "memory.stat").get(cached, 0)
+                )
 
 
-def _of_process(proc: Path) -> Iterator[int]:
-    """Yield what the limits of this process leave it."""
+def _left_by_process(proc: Path) -> Iterator[int]:
+    """Yield the bytes that the limits of this process leave it."""
     try:
         import resource
     except ImportError:  # no such limits on Windows
         return
-    now = _table(proc / "self" / "status")
-    for name, size in (("RLIMIT_AS", "VmSize"), ("RLIMIT_DATA", "VmData")):
-        most = resource.getrlimit(getattr(resource, name))[0]
-        if most != resource.RLIM_INFINITY and size in now:
-            yield most - now[size]
+    now = _kilobyte_table(proc / "self" / "status")
+    for name, size_key in (("RLIMIT_AS", "VmSize"), ("RLIMIT_DATA", "VmData")):
+        limit_bytes = resource.getrlimit(getattr(resource, name))[0]
+        if limit_bytes != resource.RLIM_INFINITY and size_key in now:
+            yield limit_bytes - now[size_key]

@@ -64,7 +64,7 @@ def chi_square_log_tails(dof: float, x: float) -> tuple[float, float]:
             term *= y / k
             total += term
         below = front + math.log(total)
-        return below, _log_of_rest(below)
+        return below, _log_complement(below)
     b = y + 1.0 - a
     c, d = math.inf, 1.0 / b
     fraction, k, change = d, 0, 0.0
@@ -77,10 +77,10 @@ def chi_square_log_tails(dof: float, x: float) -> tuple[float, float]:
         change = c * d
         fraction *= change
     above = front + math.log(fraction)
-    return _log_of_rest(above), above
+    return _log_complement(above), above
 
 
-def _log_of_rest(log_share: float) -> float:
+def _log_complement(log_share: float) -> float:
     """Return log(1 - share) of the logarithm of a share."""
     return math.log(-math.expm1(log_share)) if log_share < 0.0 else -math.inf
 
@@ -105,14 +105,16 @@ def chi_square_quantile(dof: float, above: float) -> float:
     spread = 2.0 / (9.0 * dof)
     x = dof * max(1.0 - spread - normal_quantile(above) * math.sqrt(spread), 1e-3) ** 3
     upper = above < 0.5
-    wanted = math.log(above if upper else 1.0 - above)
-    a = 0.5 * dof
+    target_log = math.log(above if upper else 1.0 - above)
+    half_dof = 0.5 * dof
     for _ in range(MOST_NEWTON_STEPS):
-        density = (a - 1.0) * math.log(0.5 * x) - 0.5 * x - math.lgamma(a) - math.log(2.0)
-        tail = chi_square_log_tails(dof, x)[upper]
-        step = (tail - wanted) * math.exp(tail - density)
-        moved = max(x + step if upper else x - step, 0.1 * x)
-        if abs(moved - x) <= 4.0 * SERIES_PRECISION * x:
+        density = (
+            (half_dof - 1.0) * math.log(0.5 * x) - 0.5 * x - math.lgamma(half_dof) - math.log(2.0)
+        )
+        log_tail = chi_square_log_tails(dof, x)[upper]
+        step = (log_tail - target_log) * math.exp(log_tail - density)
+        stepped = max(x + step if upper else x - step, 0.1 * x)
+        if abs(stepped - x) <= 4.0 * SERIES_PRECISION * x:
             break
-        x = moved
+        x = stepped
     return x

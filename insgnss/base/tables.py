@@ -259,8 +259,7 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> OptionTable:
     """
     if not is_file(path):
         raise InputError.in_file(
-            path,
-            "does not exist; give the flight file, or the directory that holds flight.toml",
+            path, "does not exist; give the flight file, or the directory that holds flight.toml"
         )
     try:
         text = read_text(path, "utf-8-sig")

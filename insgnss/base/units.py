@@ -233,8 +233,8 @@ def parse_quantity(text: object, dimension: str) -> float:
     InputError
         Where the number or its unit is missing, the unit is unknown or of another dimension.
     """
-    wanted = parse_unit(dimension)
-    example = f"{wanted.dimension} is expected, as in '1 {dimension}'"
+    expected = parse_unit(dimension)
+    example = f"{expected.dimension} is expected, as in '1 {dimension}'"
     if not isinstance(text, str):
         raise InputError(f"{text!r} has no unit; {example}")
     match = _NUMBER.match(text)
@@ -244,11 +244,11 @@ def parse_quantity(text: object, dimension: str) -> float:
     if not math.isfinite(value) or (value == 0.0 and not spells_zero(match.group(1))):
         raise InputError(f"{text!r} is beyond the numbers of this machine; {example}")
     if not unit_text.strip():
-        if wanted.exponents != UNITS["1"].exponents:
+        if expected.exponents != UNITS["1"].exponents:
             raise InputError(f"{text!r} has no unit; {example}")
         return value
     unit = _Parser(unit_text, text).whole()
-    if unit.exponents != wanted.exponents:
+    if unit.exponents != expected.exponents:
         raise InputError(f"{text!r} is of dimension {unit.dimension}; {example}")
     if not (value == 0.0 or SMALLEST_UNIT < abs(value * unit.scale) < LARGEST_UNIT):
         raise InputError(

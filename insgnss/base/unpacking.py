@@ -96,20 +96,31 @@ def check_unpacked(
     """
     limit = unpacked_limit(packed)
     if size > limit:
-        enough = math.ceil(size / GB) if qualifier != "more than " else math.ceil(2 * size / GB)
-        of = f" for a file of {_gb(packed)}" if limit < unpacked_limit() else ""
-        problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)}{of})"
-        advice = f"where its source is trusted, set {UNPACKED_GB}={enough} in the environment"
+        sufficient_gb = (
+            math.ceil(size / GB) if qualifier != "more than " else math.ceil(2 * size / GB)
+        )
+        packed_note = f" for a file of {_in_gigabytes(packed)}" if limit < unpacked_limit() else ""
+        problem = (
+            f"unpacks to {qualifier}{_in_gigabytes(size)} (limit"
+            f" {_in_gigabytes(limit)}{packed_note})"
+        )
+        advice = (
+            f"where its source is trusted, set {UNPACKED_GB}={sufficient_gb} in the environment"
+        )
         raise InputError.in_file(path, f"{problem}; {advice}")
-    free = available()
-    if free is not None and size > free:
-        problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(free)} left"
+    free_bytes = available()
+    if free_bytes is not None and size > free_bytes:
+        problem = (
+            f"unpacks to {qualifier}{_in_gigabytes(size)}, and memory has"
+            f" {_in_gigabytes(free_bytes)} left"
+        )
         raise DataError(
             f"{path}: {problem}; take a machine with more memory, or a shorter recording"
         )
 
 
-def _gb(size: float) -> str:
+def _in_gigabytes(size: float) -> str:
+    """Return a size, bytes, as text in GB, or in MB where it is small."""
     return f"{size / GB:.3g} GB" if size >= 1e7 else f"{size / 1e6:.3g} MB"
 
 
@@ -157,9 +168,9 @@ def unpack(path: object, data: bytes) -> bytes:
     """
     try:
         if data.startswith(ZIP):
-            return _of_zip(path, data)
+            return _unpack_zip(path, data)
         if data.startswith(COMPRESS):
-            return _of_compress(path, data)
+            return _unpack_compress(path, data)
         if data.startswith((GZIP, BZIP2)):
             return _gathered(path, data, partial(_inflate, data))
     except DAMAGED as error:
@@ -237,7 +248,8 @@ def _inflate(data: bytes, stream: _Bounded) -> None:
         offset -= len(member.unused_data)
 
 
-def _of_zip(path: object, data: bytes) -> bytes:
+def _unpack_zip(path: object, data: bytes) -> bytes:
+    """Return the bytes of the one file that a zip archive holds."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = archive.namelist()
         if len(names) != 1:
@@ -246,7 +258,8 @@ def _of_zip(path: object, data: bytes) -> bytes:
         return archive.read(names[0])
 
 
-def _of_compress(path: object, data: bytes) -> bytes:
+def _unpack_compress(path: object, data: bytes) -> bytes:
+    """Return the bytes of a file that `compress` packed (.Z)."""
     problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack it; {DOCTOR}"
     with installed(problem, path):
         import ncompress

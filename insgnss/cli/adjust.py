@@ -152,9 +152,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     return Judged(result, result.refusal, (file.path,))
 
 
-VERB = Verb(
-    "adjust",
-    EXAMPLE,
-    add_arguments,
-    run,
-)
+VERB = Verb("adjust", EXAMPLE, add_arguments, run)

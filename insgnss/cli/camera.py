@@ -49,9 +49,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
     return report_cameras(options.file, options.second, *named)
 
 
-VERB = Verb(
-    "camera",
-    EXAMPLE,
-    (CameraRequest,),
-    run,
-)
+VERB = Verb("camera", EXAMPLE, (CameraRequest,), run)

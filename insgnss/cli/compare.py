@@ -75,7 +75,7 @@ def compare(arguments: argparse.Namespace, progress: Callable[[str], None]) -> "
     with together() as staging:
         atomic_writes(files)
         for _, goal in () if arguments.force else staging.changed():
-            if goal != arguments.page or not _of_same(goal, [arguments.a, arguments.b]):
+            if goal != arguments.page or not _is_of_same_files(goal, [arguments.a, arguments.b]):
                 raise UsageError(
                     f"compare: {goal} exists and was made from other inputs, or not by"
                     " compare; give another file, or --force"
@@ -83,15 +83,10 @@ def compare(arguments: argparse.Namespace, progress: Callable[[str], None]) -> "
     return result
 
 
-def _of_same(page: Path, inputs: Sequence[Path]) -> bool:
+def _is_of_same_files(page: Path, inputs: Sequence[Path]) -> bool:
     """Tell whether a page is of a comparison of these files, by their hashes."""
     text = page.read_text(encoding="utf-8", errors="replace")
     return all(path.is_file() and sha256(path) in text for path in inputs)
 
 
-VERB = Verb(
-    "compare",
-    EXAMPLE,
-    (Inputs, ComparisonOptions, Products),
-    compare,
-)
+VERB = Verb("compare", EXAMPLE, (Inputs, ComparisonOptions, Products), compare)

@@ -70,10 +70,13 @@ class Progress:
         now = time.monotonic()
         if math.isnan(done):
             self._compiled += 1
-            first, long_ago = self._compiling != self._step, now - self._written >= REPEATED_S
-            if first or self._terminal or long_ago:
+            first_compilation, long_ago = (
+                self._compiling != self._step,
+                now - self._written >= REPEATED_S,
+            )
+            if first_compilation or self._terminal or long_ago:
                 self._compiling = self._step
-                counted = self._compiled > 1 and (self._terminal or not first)
+                counted = self._compiled > 1 and (self._terminal or not first_compilation)
                 count = f" ({self._compiled})" if counted else ""
                 step = f"{self._step}: " if self._step else ""
                 self._write(f"{step}compiling, once after an installation{count}")
@@ -81,15 +84,15 @@ class Progress:
             return
         if self._since is None:  # what was compiled says nothing of the speed
             self._since = now, done
-        began, before = self._since
-        if done <= before:  # a loop begins, perhaps long after the step
+        began, done_before = self._since
+        if done <= done_before:  # a loop begins, perhaps long after the step
             self._since = now, done
             return
         if now - began < MEASURED_S:
             return
-        remaining = (now - began) * (1.0 - done) / (done - before)
-        long = now - began + remaining > LONG_STEP_S
-        if long and now - self._written >= (RENEWED_S if self._terminal else REPEATED_S):
+        remaining = (now - began) * (1.0 - done) / (done - done_before)
+        lasts_long = now - began + remaining > LONG_STEP_S
+        if lasts_long and now - self._written >= (RENEWED_S if self._terminal else REPEATED_S):
             self._write(f"{self._step}: {100.0 * done:.0f} %, {duration(remaining)} left")
 
     def _write(self, text: str) -> None:
@@ -184,14 +187,15 @@ class Parser(argparse.ArgumentParser):
             later(self)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse the arguments; name the nearest option where one is unknown."""
         parsed, unknown = self.parse_known_args(args, namespace)
         if unknown:
             import difflib
 
             parser = self._of(parsed)
             word, options = unknown[0].partition("=")[0], list(parser._option_string_actions)
-            close = difflib.get_close_matches(word, options, 1, 0.75) if word[:1] == "-" else []
-            hint = f" (is it {close[0]}?)" if close else ""
+            similar = difflib.get_close_matches(word, options, 1, 0.75) if word[:1] == "-" else []
+            hint = f" (is it {similar[0]}?)" if similar else ""
             parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return parsed
 
@@ -212,13 +216,14 @@ class Parser(argparse.ArgumentParser):
         return super().parse_known_args(args, namespace)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse a value that is none of the choices and name the nearest one."""
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError as error:
             import difflib
 
-            if close := difflib.get_close_matches(str(value), map(str, action.choices or ()), 1):
-                error.message = f"{error.message.partition(' (')[0]}; did you mean {close[0]}?"
+            if similar := difflib.get_close_matches(str(value), map(str, action.choices or ()), 1):
+                error.message = f"{error.message.partition(' (')[0]}; did you mean {similar[0]}?"
             raise
 
     def format_usage(self) -> str:

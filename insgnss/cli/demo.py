@@ -29,8 +29,5 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
 
 
 VERB = Verb(
-    "demo",
-    "  insgnss demo\n  insgnss demo my_demo --minutes 10 --seed 7",
-    (DemoRequest,),
-    run,
+    "demo", "  insgnss demo\n  insgnss demo my_demo --minutes 10 --seed 7", (DemoRequest,), run
 )

@@ -44,9 +44,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     return Judged(result, result.refusal)
 
 
-VERB = Verb(
-    "doctor",
-    EXAMPLE,
-    (DoctorRequest,),
-    run,
-)
+VERB = Verb("doctor", EXAMPLE, (DoctorRequest,), run)

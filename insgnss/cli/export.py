@@ -93,9 +93,7 @@ class ExportRequest(Checked):
         metavar="FILE",
     )
     time_scale: str | None = argument(
-        None,
-        "scale of exposures that are dates: utc, gpst, utc+02:00",
-        metavar="SCALE",
+        None, "scale of exposures that are dates: utc, gpst, utc+02:00", metavar="SCALE"
     )
     camera_delay: float = argument(0.0, "time from the stamps of EO to mid-exposure", unit="s")
     moved_base: tuple[Triple, Triple] | None = argument(
@@ -186,10 +184,10 @@ def _written(
         )
     progress(f"writing {out}")
     with together() as staging:
-        done = write(out)
+        exported = write(out)
         if not arguments.force:
-            refuse_replacing(staging, out, arguments.out is not None, done.frame)
-    return done
+            refuse_replacing(staging, out, arguments.out is not None, exported.frame)
+    return exported
 
 
 def _refuse_camera(arguments: argparse.Namespace, where: str) -> None:
@@ -223,12 +221,12 @@ def export_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) 
     from ..flight.exporting.export import ExportFrame, export, known_format
     from ..flight.exporting.options import typed_options
 
-    form = known_format(arguments.format)
-    options = typed_options(arguments.format, form, _settings(arguments.settings))
+    export_format = known_format(arguments.format)
+    options = typed_options(arguments.format, export_format, _settings(arguments.settings))
     target = ExportFrame(arguments.crs, arguments.geoid, arguments.frame, arguments.ground)
     from ..io.formats.orientation.eo_json import read_eo_json
 
-    product = arguments.eo.parent / form.product
+    product = arguments.eo.parent / export_format.product
     if arguments.camera is not None:
         product = product.with_name(f"{product.stem}_{arguments.camera}{product.suffix}")
     eo = read_eo_json(arguments.eo)
@@ -241,8 +239,8 @@ def export_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) 
     def write(out: Path) -> "Exported":
         return export(eo, arguments.format, out, target, arguments.rename, **options)
 
-    done = _written(arguments, product, write, progress)
-    return done if moved is None else replace(done, notes=(*done.notes, moved.sentence))
+    exported = _written(arguments, product, write, progress)
+    return exported if moved is None else replace(exported, notes=(*exported.notes, moved.sentence))
 
 
 def _moved_base(request: argparse.Namespace) -> Any:
@@ -324,7 +322,7 @@ def _positions_verb(arguments: argparse.Namespace, progress: Callable[[str], Non
     from ..flight.exporting.export import ExportFrame
     from ..flight.exporting.positions import export_positions, position_format
 
-    form = position_format(arguments.format)
+    export_format = position_format(arguments.format)
     _refuse_camera(arguments, "for camera positions")
     if arguments.settings:
         raise UsageError("export: camera positions take no --set; leave it out")
@@ -337,8 +335,8 @@ def _positions_verb(arguments: argparse.Namespace, progress: Callable[[str], Non
     def write(out: Path) -> "Exported":
         return export_positions(positions, arguments.format, out, target)
 
-    done = _written(arguments, arguments.eo.parent / form.product, write, progress)
-    return replace(done, notes=(*done.notes, *notes))
+    exported = _written(arguments, arguments.eo.parent / export_format.product, write, progress)
+    return replace(exported, notes=(*exported.notes, *notes))
 
 
 def _settings(texts: Sequence[str]) -> dict[str, str]:
@@ -379,6 +377,7 @@ def proof_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -
 
 
 def _list_formats() -> str:
+    """Print the formats that `export` writes, with what each is for."""
     from ..io.formats import EXPORTS
 
     width = max(map(len, EXPORTS))
@@ -399,10 +398,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
     return verb(options, progress)
 
 
-VERB = Verb(
-    "export",
-    EXAMPLE,
-    (ExportRequest, ImageMatch),
-    run,
-    more_help=_list_formats,
-)
+VERB = Verb("export", EXAMPLE, (ExportRequest, ImageMatch), run, more_help=_list_formats)

@@ -151,12 +151,11 @@ def ppk(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
 
 
 def _solved(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
-    inputs, origin = (
-        input_of(arguments),
-        None
-        if arguments.origin is None
-        else geodetic_position(arguments.origin, "tangent_plane.origin"),
-    )
+    """Return the solved run, with all its files written or none."""
+    inputs = input_of(arguments)
+    origin = None
+    if arguments.origin is not None:
+        origin = geodetic_position(arguments.origin, "tangent_plane.origin")
     _refuse_absent(arguments)
     files_to = made_of(Files, arguments)
     if files_to.out.exists() and not files_to.out.is_dir():
@@ -184,11 +183,11 @@ def _solved(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
             write_camera_positions(positions, into / PRODUCT)
             result = replace(result, checks=(*result.checks, *of_camera))
             written = (*written, into / PRODUCT)
-        beside = tuple(into / name for name in (FIGURE, PPK_DOCUMENT, PPK_PAGE))
-        files = (*written, *result.files.values(), *beside)
+        report_files = tuple(into / name for name in (FIGURE, PPK_DOCUMENT, PPK_PAGE))
+        files = (*written, *result.files.values(), *report_files)
         run = PpkRun(result, inputs, tuple(map(staging.destination, files)))
         settings = () if arguments.covariance is None else (arguments.covariance,)
-        run = _with_report(run, (*paths_named_by(inputs), *settings), *beside)
+        run = _with_report(run, (*paths_named_by(inputs), *settings), *report_files)
     return run
 
 
@@ -307,9 +306,4 @@ def geodetic_position(coordinates: Any, key: str) -> Any:
     return np.array([np.radians(lat), np.radians(lon), height])
 
 
-VERB = Verb(
-    "ppk",
-    EXAMPLE,
-    add_arguments,
-    ppk,
-)
+VERB = Verb("ppk", EXAMPLE, add_arguments, ppk)

@@ -90,9 +90,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     return Judged(result, result.refusal, (request.ground,))
 
 
-VERB = Verb(
-    "targets",
-    EXAMPLE,
-    add_arguments,
-    run,
-)
+VERB = Verb("targets", EXAMPLE, add_arguments, run)

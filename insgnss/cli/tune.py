@@ -121,9 +121,4 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
     setattr(parser, "rearranged", parse)  # noqa: B010
 
 
-VERB = Verb(
-    "tune",
-    EXAMPLE,
-    add_arguments,
-    tune,
-)
+VERB = Verb("tune", EXAMPLE, add_arguments, tune)

@@ -54,9 +54,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Judged:
     return Judged(result, result.refusal, (options.flight,))
 
 
-VERB = Verb(
-    "verify",
-    EXAMPLE,
-    (VerifyRequest,),
-    run,
-)
+VERB = Verb("verify", EXAMPLE, (VerifyRequest,), run)

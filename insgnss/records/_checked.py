@@ -93,24 +93,25 @@ def frozen(record: Any, name: str, shape: tuple[int | None, ...], finite: bool =
     `shape` holds None for a length that may be any; without `finite` any value may stand.
     """
     kind = type(record).__name__
-    a = np.ascontiguousarray(float_array(f"{kind}.{name}", getattr(record, name)))
-    if a.ndim != len(shape) or any(
-        want is not None and want != got for want, got in zip(shape, a.shape, strict=True)
+    values = np.ascontiguousarray(float_array(f"{kind}.{name}", getattr(record, name)))
+    if values.ndim != len(shape) or any(
+        expected is not None and expected != actual
+        for expected, actual in zip(shape, values.shape, strict=True)
     ):
         raise InputError(
-            f"{kind}.{name}: shape {a.shape}, expected"
-            f" {tuple('n' if s is None else s for s in shape)}"
+            f"{kind}.{name}: shape {values.shape}, expected"
+            f" {tuple('n' if length is None else length for length in shape)}"
         )
-    if finite and not np.isfinite(a).all():
-        row, *column = (int(k) for k in np.argwhere(~np.isfinite(a))[0])
+    if finite and not np.isfinite(values).all():
+        row, *column = (int(index) for index in np.argwhere(~np.isfinite(values))[0])
         raise InputError(
-            f"{kind}.{name}: value in row {row} is not finite{_where(record, a, row, column)}"
+            f"{kind}.{name}: value in row {row} is not finite{_where(record, values, row, column)}"
         )
-    if a.flags.writeable:
-        a = a.view()
-        a.flags.writeable = False
-    object.__setattr__(record, name, a)
-    return a
+    if values.flags.writeable:
+        values = values.view()
+        values.flags.writeable = False
+    object.__setattr__(record, name, values)
+    return values
 
 
 def freeze(record: Any, shapes: Mapping[str, tuple[int | None, ...]]) -> None:

@@ -367,17 +367,23 @@ class ImageBlock:
     check: GroundPoints
 
     def __post_init__(self) -> None:
-        n, m = len(self.images), len(self.points)
-        shapes = {"camera": (n,), "position_m": (n, 3), "C_mc": (n, 3, 3), "held": (n, 6)}
+        """Refuse shapes that do not fit each other and rows that do not exist."""
+        image_count, point_count = len(self.images), len(self.points)
+        shapes = {
+            "camera": (image_count,),
+            "position_m": (image_count, 3),
+            "C_mc": (image_count, 3, 3),
+            "held": (image_count, 6),
+        }
         for name, shape in shapes.items():
-            if (got := np.shape(getattr(self, name))) != shape:
-                raise InputError(f"ImageBlock.{name}: shape {got}, expected {shape}")
+            if (actual := np.shape(getattr(self, name))) != shape:
+                raise InputError(f"ImageBlock.{name}: shape {actual}, expected {shape}")
         rows = {
             "camera": (self.camera, len(self.cameras)),
-            "observations.image": (self.observations.image, n),
-            "observations.point": (self.observations.point, m),
-            "control.point": (self.control.point, m),
-            "check.point": (self.check.point, m),
+            "observations.image": (self.observations.image, image_count),
+            "observations.point": (self.observations.point, point_count),
+            "control.point": (self.control.point, point_count),
+            "check.point": (self.check.point, point_count),
         }
         for name, (index, limit) in rows.items():
             if index.size and (index.min() < 0 or index.max() >= limit):

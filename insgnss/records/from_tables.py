@@ -72,12 +72,12 @@ def imu_samples(
     columns = _columns_of(table)
     if columns is None:
         samples = ImuSamples.from_array(table, quantity, gps_week, "imu")
-        _of_week("imu", samples.time, gps_week)
+        _in_gps_week("imu", samples.time, gps_week)
         return samples
     gyro = columns["gyro"] if "gyro" in columns else _block("imu", columns, GYRO)
     accel = columns["accel"] if "accel" in columns else _block("imu", columns, ACCEL)
-    time = _one_of("imu", columns, TIME_HEADERS)
-    week = _of_week("imu", time, _week(table, gps_week))
+    time = _only_column("imu", columns, TIME_HEADERS)
+    week = _in_gps_week("imu", time, _week(table, gps_week))
     temperature = columns.get("temperature")
     return ImuSamples(time, gyro, accel, quantity, week, "imu", temperature=temperature)
 
@@ -133,17 +133,17 @@ def gnss_fixes(
     speed_sigma = None
     if velocity is not None:
         speed_sigma = _sigma(columns, VELOCITY_SIGMA, sigma_velocity_mps, "sigma_velocity_mps")
-    time = _one_of("gnss", columns, TIME_HEADERS)
+    time = _only_column("gnss", columns, TIME_HEADERS)
     fixes = GnssFixes.from_degrees(
         time,
         _angle(columns, "lat"),
         _angle(columns, "lon"),
-        _one_of("gnss", columns, HEIGHT),
+        _only_column("gnss", columns, HEIGHT),
         sigma_m=sigma,
         velocity_ned_mps=velocity,
         sigma_velocity_mps=speed_sigma,
         quality=columns.get("quality"),
-        gps_week=_of_week("gnss", time, _week(table, gps_week)),
+        gps_week=_in_gps_week("gnss", time, _week(table, gps_week)),
         source="gnss",
     )
     described = {name: columns[name] for name in OF_THE_SOLUTION if name in columns}
@@ -175,13 +175,13 @@ def camera_events(table: Any, gps_week: int | None = None) -> CameraEvents:
     time = (
         float_array("events", table)
         if columns is None
-        else _one_of("events", columns, TIME_HEADERS)
+        else _only_column("events", columns, TIME_HEADERS)
     )
     if not time.size:
         raise InputError(
             "events: no exposure in the table; leave events out if the flight had no camera"
         )
-    week = _of_week("events", time, _week(table, gps_week))
+    week = _in_gps_week("events", time, _week(table, gps_week))
     named = next((name for name in IMAGE_HEADERS if name in (columns or ())), None)
     if columns is not None and named is not None:
         names = tuple(str(name) for name in columns[named])
@@ -222,7 +222,7 @@ def barometer_heights(table: Any, gps_week: int | None = None) -> BarometerHeigh
                 f"barometer: a table of shape {values.shape}, expected (n, 2): time s, height m"
             )
         columns = {"tow": values[:, 0], "h_m": values[:, 1]}
-    time, height = (_one_of("barometer", columns, names) for names in (TIME_HEADERS, HEIGHT))
+    time, height = (_only_column("barometer", columns, names) for names in (TIME_HEADERS, HEIGHT))
     return BarometerHeights(time, height, _week(table, gps_week), "barometer")
 
 
@@ -264,7 +264,8 @@ def _week(table: Any, gps_week: int | None) -> int | None:
     return gps_week if gps_week is not None else attributes.get("gps_week")
 
 
-def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
+def _only_column(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
+    """Return the first column that has one of these names; refuse where there is none."""
     for name in names:
         if name in columns:
             finest = FINEST_DEG if name.startswith(("lat", "lon")) else FINEST_DIGIT
@@ -274,7 +275,7 @@ def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array
     raise InputError(f"{who}: no column {names[0]}; the table has {present}")
 
 
-def _of_week(who: str, time: Array, week: int | None) -> int | None:
+def _in_gps_week(who: str, time: Array, week: int | None) -> int | None:
     """Return the week of times; InputError where they count from no beginning of a week."""
     if week and time.size and np.nanmax(time) > EPOCH_FROM_S:
         raise InputError(
@@ -286,13 +287,13 @@ def _of_week(who: str, time: Array, week: int | None) -> int | None:
 
 
 def _block(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
-    return np.column_stack([_one_of(who, columns, (name,)) for name in names])
+    return np.column_stack([_only_column(who, columns, (name,)) for name in names])
 
 
 def _angle(columns: Mapping[str, Any], name: str) -> Array:
     """(n,) degrees."""
     if f"{name}_rad" in columns:
-        angle = _one_of("gnss", columns, (f"{name}_rad",))
+        angle = _only_column("gnss", columns, (f"{name}_rad",))
         if (beyond := np.abs(angle) > 2.0 * np.pi).any():
             row = int(np.argmax(beyond))
             raise InputError(
@@ -300,7 +301,7 @@ def _angle(columns: Mapping[str, Any], name: str) -> Array:
                 f" {name}_deg"
             )
         return np.degrees(angle)
-    return _one_of("gnss", columns, GEODETIC_HEADERS[name])
+    return _only_column("gnss", columns, GEODETIC_HEADERS[name])
 
 
 def _sigma(

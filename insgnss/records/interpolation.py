@@ -47,24 +47,35 @@ def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
     ------
     DataError : an instant is outside, or between epochs more than `LONGEST_BRIDGE_S` apart.
     """
-    first = _before(trajectory, time, tolerance_s)
-    last = np.minimum(first + 1, len(trajectory) - 1)
-    h = np.where(last > first, trajectory.time[last] - trajectory.time[first], 1.0)
-    u = np.clip((time - trajectory.time[first]) / h, 0.0, 1.0)
-    _refuse_gaps(time, h, u)
+    row_before = _rows_before(trajectory, time, tolerance_s)
+    row_after = np.minimum(row_before + 1, len(trajectory) - 1)
+    interval_s = np.where(
+        row_after > row_before, trajectory.time[row_after] - trajectory.time[row_before], 1.0
+    )
+    fraction = np.clip((time - trajectory.time[row_before]) / interval_s, 0.0, 1.0)
+    _refuse_gaps(time, interval_s, fraction)
     geodetic = (trajectory.lat, trajectory.lon, trajectory.height)
-    frame = LocalFrame(*(float(x[0]) for x in geodetic))
+    frame = LocalFrame(*(float(position_l[0]) for position_l in geodetic))
     C_ln = frame.C_ln(trajectory.lat, trajectory.lon)
-    x = frame.position_from_geodetic(*geodetic)
-    v = np.einsum("nij,nj->ni", C_ln, trajectory.velocity_ned)
+    position_l = frame.position_from_geodetic(*geodetic)
+    velocity_l = np.einsum("nij,nj->ni", C_ln, trajectory.velocity_ned)
     C_lb = C_ln @ trajectory.C_nb
-    s = u[:, None]
-    position = cubic((x[first], x[last]), (v[first], v[last]), u, h)
-    turn = vector_from_rotation(C_lb[last] @ np.swapaxes(C_lb[first], 1, 2))
+    s = fraction[:, None]
+    position = cubic(
+        (position_l[row_before], position_l[row_after]),
+        (velocity_l[row_before], velocity_l[row_after]),
+        fraction,
+        interval_s,
+    )
+    rotation_vector = vector_from_rotation(C_lb[row_after] @ np.swapaxes(C_lb[row_before], 1, 2))
     lat, lon, height = frame.geodetic_from_position(position)
     C_nl = np.swapaxes(frame.C_ln(lat, lon), 1, 2)
-    velocity = np.einsum("nij,nj->ni", C_nl, v[first] + s * (v[last] - v[first]))
-    P = trajectory.cov
+    velocity = np.einsum(
+        "nij,nj->ni",
+        C_nl,
+        velocity_l[row_before] + s * (velocity_l[row_after] - velocity_l[row_before]),
+    )
+    cov = trajectory.cov
     return replace(
         trajectory,
         time=time,
@@ -72,8 +83,8 @@ def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
         lon=lon,
         height=height,
         velocity_ned=velocity,
-        C_nb=C_nl @ rotation_from_vector(s * turn) @ C_lb[first],
-        cov=P[first] + u[:, None, None] * (P[last] - P[first]),
+        C_nb=C_nl @ rotation_from_vector(s * rotation_vector) @ C_lb[row_before],
+        cov=cov[row_before] + fraction[:, None, None] * (cov[row_after] - cov[row_before]),
         acceleration_b=None,
         rate_b=None,
         cross=None,
@@ -99,7 +110,7 @@ def cubic(x: tuple[Array, Array], v: tuple[Array, Array], u: Array, h: Array) ->
     return np.asarray(position)
 
 
-def _before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
+def _rows_before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
     """Index of the epoch before each instant."""
     if not len(trajectory):
         raise DataError("Trajectory: it has no epochs")

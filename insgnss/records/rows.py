@@ -170,9 +170,9 @@ class Rows:
         -------
         The rows; where there are none, a record without rows, if it may be empty.
         """
-        first = int(np.searchsorted(self.time, first_s - SAME_INSTANT_S))
-        last = int(np.searchsorted(self.time, last_s + SAME_INSTANT_S, side="right"))
-        return self._taken(slice(first, max(first, last)))
+        first_row = int(np.searchsorted(self.time, first_s - SAME_INSTANT_S))
+        next_row = int(np.searchsorted(self.time, last_s + SAME_INSTANT_S, side="right"))
+        return self._taken(slice(first_row, max(first_row, next_row)))
 
     def at(self, time_s: ArrayLike, tolerance_s: float = SAME_INSTANT_S) -> Self:
         """Return the rows whose stamps are the given instants.
@@ -190,15 +190,19 @@ class Rows:
         ------
         DataError : no row is that near an instant; the message names the nearest stamp.
         """
-        wanted = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
-        rows = self._nearest(wanted)
-        missed = np.abs(self.time[rows] - wanted) > tolerance_s if len(self) else np.ones(1, bool)
-        if missed.any():
-            k = int(np.argmax(missed))
-            near = f"the nearest is at {self.time[rows[k]]:.6f} s" if len(self) else "it is empty"
+        instants = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
+        rows = self._nearest(instants)
+        too_far = (
+            np.abs(self.time[rows] - instants) > tolerance_s if len(self) else np.ones(1, bool)
+        )
+        if too_far.any():
+            k = int(np.argmax(too_far))
+            nearest = (
+                f"the nearest is at {self.time[rows[k]]:.6f} s" if len(self) else "it is empty"
+            )
             raise DataError(
-                f"{type(self).__name__}: none of {len(self)} {self._NOUN} is at {wanted[k]:.6f} s; "
-                f"{near}; choose by between(), or give a larger tolerance_s"
+                f"{type(self).__name__}: none of {len(self)} {self._NOUN} is at {instants[k]:.6f}"
+                f" s; {nearest}; choose by between(), or give a larger tolerance_s"
             )
         return self._taken(rows)
 

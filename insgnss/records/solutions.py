@@ -109,11 +109,15 @@ class Trajectory(Rows):
         from ..geodesy.rotation import rpy_jacobian
 
         sigma = np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2)[:, :6])
-        F = np.linalg.inv(rpy_jacobian(self.rpy))
-        angles = np.degrees(np.sqrt(np.einsum("nij,njk,nik->ni", F, self.cov[:, 6:, 6:], F)))
-        first = zip(("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True)
-        last = zip(("sd_roll_deg", "sd_pitch_deg", "sd_heading_deg"), angles.T, strict=True)
-        return {**dict(first), **dict(last)}
+        from_rotation = np.linalg.inv(rpy_jacobian(self.rpy))
+        angles = np.degrees(
+            np.sqrt(np.einsum("nij,njk,nik->ni", from_rotation, self.cov[:, 6:, 6:], from_rotation))
+        )
+        linear = zip(
+            ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True
+        )
+        angular = zip(("sd_roll_deg", "sd_pitch_deg", "sd_heading_deg"), angles.T, strict=True)
+        return {**dict(linear), **dict(angular)}
 
     @classmethod
     def joined(cls, segments: "Sequence[Trajectory]") -> "Trajectory":
@@ -439,7 +443,6 @@ class Diagnostics:
         )
         values["passes"] = max(segment.passes for segment in segments)
         values["constants"] = ConstantSeries.joined(
-            [segment.constants for segment in segments],
-            [segment.time.size for segment in segments],
+            [segment.constants for segment in segments], [segment.time.size for segment in segments]
         )
         return cls(**values)

@@ -124,8 +124,8 @@ def decimal_step(values: Array, largest: float, smallest: float, exact: float) -
     values = np.unique(values)
     if values.size < 2:
         return 0.0
-    first, last = (int(np.floor(np.log10(limit))) for limit in (largest, smallest))
-    for power in range(first, last - 1, -1):
+    first_power, last_power = (int(np.floor(np.log10(limit))) for limit in (largest, smallest))
+    for power in range(first_power, last_power - 1, -1):
         step = 10.0**power
         if np.abs(values - step * np.rint(values / step)).max() < exact:
             return step

@@ -130,16 +130,23 @@ class Table:
             [cell.translate(ASCII_SIGNS) for cell in row] for row in (self.head, *self.rows) if row
         ]
         width = [max((len(row[k]) for row in rows), default=0) for k in range(len(rows[-1]) - 1)]
-        most = max(WIDTH - sum(width) - 2 * len(width), LEAST_WIDTH)
-        last = max(len(row[-1]) for row in rows)
+        last_width = max(WIDTH - sum(width) - 2 * len(width), LEAST_WIDTH)
+        longest = max(len(row[-1]) for row in rows)
         for row in rows:
-            sides = "<" + (">" if self.numbers else "<") * len(width)
-            aligned = (f"{c:{s}{w}}" for c, s, w in zip(row[:-1], sides, width, strict=False))
-            cells = textwrap.wrap(row[-1], most, break_long_words=False, break_on_hyphens=False)
-            end = f"{row[-1]:>{last}}" if self.numbers and width else "".join(cells[:1])
+            alignments = "<" + (">" if self.numbers else "<") * len(width)
+            aligned = (
+                f"{cell:{side}{wide}}"
+                for cell, side, wide in zip(row[:-1], alignments, width, strict=False)
+            )
+            cells = textwrap.wrap(
+                row[-1], last_width, break_long_words=False, break_on_hyphens=False
+            )
+            end = f"{row[-1]:>{longest}}" if self.numbers and width else "".join(cells[:1])
             yield "  ".join([*aligned, end]).rstrip()
             if not self.numbers:
-                yield from (" " * (sum(width) + 2 * len(width)) + more for more in cells[1:])
+                yield from (
+                    " " * (sum(width) + 2 * len(width)) + continued for continued in cells[1:]
+                )
 
 
 @dataclass(frozen=True)
@@ -189,7 +196,7 @@ class Section:
             _listed(run) if items else "".join(map(_block, run)) for items, run in runs
         )
         if self.more:
-            first, more = map(_soft, (self.more[:FEW_REMARKS], self._further))
+            first, more = map(_soft_paragraph, (self.more[:FEW_REMARKS], self._further))
             inside += first + (folded(self._number_of_further, more) if self._further else "")
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""
 
@@ -276,13 +283,17 @@ class Document:
         twin_sha256 : str
             SHA-256 of the JSON file of the same run; empty where there is none.
         """
-        shown = [s for s in self.sections if isinstance(s, Chart) or s.on != "terminal"]
-        first, *origins = self._made_from() if made_from is None else made_from
-        whole = not any(isinstance(s, Section) and s.brief for s in shown)
+        shown = [
+            section
+            for section in self.sections
+            if isinstance(section, Chart) or section.on != "terminal"
+        ]
+        settings, *origins = self._made_from() if made_from is None else made_from
+        unabridged = not any(isinstance(section, Section) and section.brief for section in shown)
 
-        def placed(s: Section | Chart) -> str:
-            html = charted(s) if isinstance(s, Chart) else s.html()
-            brief = whole or (s.map if isinstance(s, Chart) else s.brief)
+        def placed(section: Section | Chart) -> str:
+            html = charted(section) if isinstance(section, Chart) else section.html()
+            brief = unabridged or (section.map if isinstance(section, Chart) else section.brief)
             return html if brief or not html else f'<div class="{APPENDIX}">\n{html}</div>\n'
 
         word, why, _ = self.verdict
@@ -293,14 +304,14 @@ class Document:
             f'<p class="reason {word}">{reason}</p>\n'
         )
         body = terms.within("".join(map(placed, shown)))
-        body += placed(_meanings(terms)) + placed(first)
+        body += placed(_meanings(terms)) + placed(settings)
         origin = "".join(map(placed, origins))
-        charts = [s for s in shown if isinstance(s, Chart)]
+        charts = [section for section in shown if isinstance(section, Chart)]
         yield opening(self.title, bool(charts))
         yield f"<h1>{escape(self.heading or self.title)}</h1>\n"
         yield f'<p class="soft about">{escape(sentence(self.about))}</p>\n' if self.about else ""
         yield top
-        yield with_contents(body, "" if whole else APPENDIX)
+        yield with_contents(body, "" if unabridged else APPENDIX)
         yield origin
         yield from (embedded(name, script_safe(block)) for name, block in data.items())
         yield from closing(charts, twin_sha256)
@@ -433,7 +444,8 @@ def _block(block: "str | Table | Drawing") -> str:
     return f'<p class="{block.kind}">{_escaped(sentence(block))}</p>\n'
 
 
-def _soft(texts: Iterable[Any]) -> str:
+def _soft_paragraph(texts: Iterable[Any]) -> str:
+    """Return the HTML of remarks in the paler ink."""
     return f'<div class="soft">{_listed(texts)}</div>\n'
 
 

@@ -39,74 +39,76 @@ class FlightLine:
     next_image: int = 0
 
 
-def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[FlightLine, ...]:
-    """Straight lines in the order of time."""
-    if d.time.size < 3 or d.time[-1] - d.time[0] < SHORTEST_LINE_S:
+def flight_lines(run: Diagnostics, eo: ExteriorOrientation | None) -> tuple[FlightLine, ...]:
+    """Return the straight lines of the flight in the order of time."""
+    if run.time.size < 3 or run.time[-1] - run.time[0] < SHORTEST_LINE_S:
         return ()
-    course, straight = _course(d)
+    course, straight = _course(run)
     starts = np.concatenate(
-        [[True], (~straight[1:]) | (~straight[:-1]) | (np.diff(d.time) > BROKEN_S)]
+        [[True], (~straight[1:]) | (~straight[:-1]) | (np.diff(run.time) > BROKEN_S)]
     )
-    edges = np.append(np.flatnonzero(starts), d.time.size)
+    edges = np.append(np.flatnonzero(starts), run.time.size)
     lines = []
-    for first, last in zip(edges[:-1], edges[1:] - 1, strict=True):
-        if d.time[last] - d.time[first] < SHORTEST_LINE_S:
+    for first_row, last_row in zip(edges[:-1], edges[1:] - 1, strict=True):
+        if run.time[last_row] - run.time[first_row] < SHORTEST_LINE_S:
             continue
-        third = (last - first) // 3
-        ends = (slice(first, first + third), slice(last - third, last))
+        third = (last_row - first_row) // 3
+        ends = (slice(first_row, first_row + third), slice(last_row - third, last_row))
         begin, end = (_mean_course(course[rows]) for rows in ends)
         if abs(math.remainder(end - begin, 2.0 * math.pi)) > math.radians(BEND_DEG):
             continue
-        image, after = (
-            (0, 0)
-            if eo is None
-            else np.searchsorted(eo.time, (d.time[first] - HALF_S, d.time[last] + HALF_S))
-        )
-        lines.append(FlightLine(int(first), int(last), int(image), int(after)))
-    with_images = [x for x in lines if x.next_image > x.image]
+        image, next_image = 0, 0
+        if eo is not None:
+            ends_s = (run.time[first_row] - HALF_S, run.time[last_row] + HALF_S)
+            image, next_image = map(int, np.searchsorted(eo.time, ends_s))
+        lines.append(FlightLine(int(first_row), int(last_row), image, next_image))
+    with_images = [line for line in lines if line.next_image > line.image]
     return tuple(with_images or lines)
 
 
-def _course(d: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
-    """Course over each row's neighbourhood, rad, and whether it is straight there."""
-    position = d.position[:, :2]
-    shifted = [np.clip(d.time + shift, d.time[0], d.time[-1]) for shift in (-HALF_S, HALF_S)]
-    before, after = (columns_at(time, d.time, position) for time in shifted)
-    a, b = position - before, after - position
-    speed = np.hypot(d.velocity[:, 0], d.velocity[:, 1])
-    least = max(SLOWEST_MS, SLOWEST * float(np.quantile(speed, 0.9)))
-    turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
-    turn[(d.time - d.time[0] < HALF_S) | (d.time[-1] - d.time < HALF_S)] = 0.0
-    whole = after - before
-    straight = (np.abs(turn) < math.radians(STRAIGHT_DEG)) & (speed > least)
-    return np.arctan2(whole[:, 1], whole[:, 0]), straight
+def _course(run: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the course over each row's neighbourhood (n,), rad, and whether it is straight."""
+    position = run.position[:, :2]
+    shifted = [np.clip(run.time + shift, run.time[0], run.time[-1]) for shift in (-HALF_S, HALF_S)]
+    position_before, position_after = (columns_at(time, run.time, position) for time in shifted)
+    incoming, outgoing = position - position_before, position_after - position
+    speed = np.hypot(run.velocity[:, 0], run.velocity[:, 1])
+    slowest = max(SLOWEST_MS, SLOWEST * float(np.quantile(speed, 0.9)))
+    turn_rad = np.arctan2(
+        incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0],
+        np.sum(incoming * outgoing, axis=1),
+    )
+    turn_rad[(run.time - run.time[0] < HALF_S) | (run.time[-1] - run.time < HALF_S)] = 0.0
+    chord = position_after - position_before
+    straight = (np.abs(turn_rad) < math.radians(STRAIGHT_DEG)) & (speed > slowest)
+    return np.arctan2(chord[:, 1], chord[:, 0]), straight
 
 
 def _mean_course(course: Array) -> float:
     return math.atan2(float(np.sin(course).sum()), float(np.cos(course).sum()))
 
 
-def line_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
+def line_figures(run: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
     """Return one row a line: time, course, length, images, and median sigmas.
 
     The median is over the images, without images over the line.
     """
-    turned = np.unwrap(d.rpy[:, 2])
-    exposed = np.zeros(d.time.size, dtype=bool)
-    exposed[d.event] = eo is not None
+    turned = np.unwrap(run.rpy[:, 2])
+    exposed = np.zeros(run.time.size, dtype=bool)
+    exposed[run.event] = eo is not None
     rows = []
-    for number, line in enumerate(flight_lines(d, eo), 1):
+    for number, line in enumerate(flight_lines(run, eo), 1):
         of_line = np.arange(line.first, line.last + 1)
         epochs = of_line[exposed[of_line]] if exposed[of_line].any() else of_line
-        sigma = d.smoothed_sigma[epochs]
+        sigma = run.smoothed_sigma[epochs]
         tilt = np.max(sigma[:, 6:8], axis=1)
-        step = d.position[line.last] - d.position[line.first]
+        step = run.position[line.last] - run.position[line.first]
         count = line.next_image - line.image
         rows.append(
             {
                 "line": number,
-                "start_s": d.time[line.first],
-                "end_s": d.time[line.last],
+                "start_s": run.time[line.first],
+                "end_s": run.time[line.last],
                 "course_deg": math.degrees(math.atan2(step[1], step[0])) % 360.0,
                 "length_m": math.hypot(step[0], step[1]),
                 "images": count,

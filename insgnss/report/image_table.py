@@ -41,19 +41,19 @@ STANDS_OUT = 3.0  # times the median: an image that stands out
 UNKNOWN_LINE = 0  # number of an image outside the lines, which count from 1
 
 
-def image_table(d: Diagnostics, eo: ExteriorOrientation, zone: tzinfo = UTC) -> dict[str, Any]:
+def image_table(run: Diagnostics, eo: ExteriorOrientation, zone: tzinfo = UTC) -> dict[str, Any]:
     """Return the table of images, ready for JSON.
 
     Parameters
     ----------
-    d : Diagnostics
+    run : Diagnostics
         Of the run.
     eo : ExteriorOrientation
         Of at least one image.
     zone : tzinfo, optional
         Time zone of the clock times.
     """
-    line = image_lines(d, eo)
+    line = image_lines(run, eo)
     position, psi = image_sigmas(eo)
     columns = [
         _clock_column(eo, zone),
@@ -82,43 +82,43 @@ def image_table(d: Diagnostics, eo: ExteriorOrientation, zone: tzinfo = UTC) -> 
         "prefix": prefix,
         "suffix": suffix,
         "names": names,
-        "start": float(d.time[0]),
+        "start": float(run.time[0]),
         # an image belongs to the instants that lie nearer to it than this, minutes
         "near": 0.6 * float(np.median(steps)) / 60.0 if steps.size else 0.02,
         "flag_names": FLAGS,
-        "flags": base64.b64encode(flags(d, eo, line).astype("<u2").tobytes()).decode("ascii"),
+        "flags": base64.b64encode(flags(run, eo, line).astype("<u2").tobytes()).decode("ascii"),
         "columns": columns,
     }
 
 
-def track(d: Diagnostics) -> dict[str, str]:
+def track(run: Diagnostics) -> dict[str, str]:
     """Return where the flight was at which minute, for the map to follow the charts."""
-    rows = track_rows(d)
+    rows = track_rows(run)
     return {
-        "minutes": packed((d.time[rows] - d.time[0]) / 60.0),
-        "east": packed(d.position[rows, 1]),
-        "north": packed(d.position[rows, 0]),
+        "minutes": packed((run.time[rows] - run.time[0]) / 60.0),
+        "east": packed(run.position[rows, 1]),
+        "north": packed(run.position[rows, 0]),
     }
 
 
-def image_lines(d: Diagnostics, eo: ExteriorOrientation) -> NDArray[np.int64]:
+def image_lines(run: Diagnostics, eo: ExteriorOrientation) -> NDArray[np.int64]:
     """Return the number of the flight line of each image, 0 outside the lines."""
     line = np.zeros(len(eo.images), dtype=np.int64)
-    for number, of in enumerate(flight_lines(d, eo), 1):
+    for number, of in enumerate(flight_lines(run, eo), 1):
         line[of.image : of.next_image] = number
     return line
 
 
-def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> NDArray[np.int64]:
+def flags(run: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return what is worth a look at each image, one bit for each of `FLAGS`."""
     position, psi = (np.sqrt((x**2).sum(axis=1)) for x in image_sigmas(eo))
-    without = outages(d)
-    gaps = np.array(d.gaps, dtype=np.float64).reshape(-1, 2)
-    times = d.fix_time[d.used]
+    without = outages(run)
+    gaps = np.array(run.gaps, dtype=np.float64).reshape(-1, 2)
+    times = run.fix_time[run.used]
     findings = [
-        _within(eo.time, without[:, 0], without.sum(axis=1)),
-        _beyond(eo.time, segments(d), times),
-        _within(eo.time, gaps[:, 0], gaps.sum(axis=1)),
+        _inside_spans(eo.time, without[:, 0], without.sum(axis=1)),
+        _without_near_fix(eo.time, segments(run), times),
+        _inside_spans(eo.time, gaps[:, 0], gaps.sum(axis=1)),
         (line == UNKNOWN_LINE) & bool((line != UNKNOWN_LINE).any()),
         _is_largest(position),
         _is_largest(psi),
@@ -131,7 +131,7 @@ def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> N
     )
 
 
-def _within(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
+def _inside_spans(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
     """Return which instants lie inside one of the spans, which follow each other."""
     if not begin.size:
         return np.zeros(time.size, dtype=np.bool_)
@@ -139,7 +139,7 @@ def _within(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
     return (k >= 0) & (time < end[np.maximum(k, 0)])
 
 
-def _beyond(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:
+def _without_near_fix(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:
     """Return which instants have no used fix before or none behind them within their segment."""
     out = np.zeros(time.size, dtype=np.bool_)
     for start, end in spans:
@@ -180,13 +180,7 @@ def _clock_column(eo: ExteriorOrientation, zone: tzinfo) -> dict[str, Any]:
 
 
 def _column(
-    key: str,
-    head: str,
-    values: Any,
-    digits: int,
-    *,
-    running: bool = False,
-    **more: Any,
+    key: str, head: str, values: Any, digits: int, *, running: bool = False, **more: Any
 ) -> dict[str, Any]:
     """Return a column in units of its last printed digit.
 

@@ -13,7 +13,7 @@ FLOAT_CODES = (2, 3, 4)  # of the classes of fixes (`charts.gnss.NAMES`)
 
 
 def fixes_of_lines(
-    d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, Any] | None
+    run: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, Any] | None
 ) -> list[dict[str, Any]]:
     """Return one row a line, numbered as `flightlines.line_figures` does.
 
@@ -23,19 +23,19 @@ def fixes_of_lines(
         PDOP are None where it does not say them.
     """
     rows = []
-    for number, line in enumerate(flight_lines(d, eo), 1):
-        start, end = d.time[line.first], d.time[line.last]
-        of_line = (d.fix_time >= start) & (d.fix_time <= end)
-        used = of_line & d.used
-        innovation = d.innovation[used]
+    for number, line in enumerate(flight_lines(run, eo), 1):
+        start, end = run.time[line.first], run.time[line.last]
+        of_line = (run.fix_time >= start) & (run.fix_time <= end)
+        used = of_line & run.used
+        innovation = run.innovation[used]
         innovation = innovation[np.isfinite(innovation).all(axis=1)]
-        sigma = d.innovation_sigma[used]
+        sigma = run.innovation_sigma[used]
         rows.append(
             {
                 "line": number,
                 "fixes": int(of_line.sum()),
                 "used": int(used.sum()),
-                "rejected": int((of_line & ~d.used).sum()),
+                "rejected": int((of_line & ~run.used).sum()),
                 "innovation_mm": 1e3 * innovation.mean(axis=0) if len(innovation) else None,
                 "innovation_sigma_mm": 1e3 * np.median(sigma, axis=0) if len(sigma) else None,
                 **_of_source(series, float(start), float(end)),

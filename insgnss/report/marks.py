@@ -75,26 +75,26 @@ def slices(edges: NDArray[np.int64], size: int) -> tuple[slice, ...]:
     return tuple(slice(a, b) for a, b in itertools.pairwise([0, *edges.tolist(), size]) if b > a)
 
 
-def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
+def marks_of(run: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
     """The marks of a run."""
-    start = float(d.time[0])
+    start = float(run.time[0])
 
     def minutes(t: Array) -> Array:
         return (t - start) / 60.0
 
-    whole, without = segments(d), outages(d)
-    lines = np.array([(d.time[x.first], d.time[x.last]) for x in flight_lines(d, eo)]).reshape(
-        -1, 2
-    )
+    whole, without = segments(run), outages(run)
+    lines = np.array(
+        [(run.time[x.first], run.time[x.last]) for x in flight_lines(run, eo)]
+    ).reshape(-1, 2)
     nothing = np.stack([whole[:-1, 1], whole[1:, 0]], axis=1)
     return Marks(
         start=start,
         label=f"time after the start at TOW {start:.1f} s, min",
         lines=minutes(lines),
-        stationary=minutes(stationary_periods(d)),
+        stationary=minutes(stationary_periods(run)),
         outages=minutes(np.stack([without[:, 0], without.sum(axis=1)], axis=1)),
         nothing=minutes(nothing),
         exposures=np.zeros(0) if eo is None else minutes(eo.time),
-        parts=slices(np.searchsorted(d.time, nothing.mean(axis=1)), d.time.size),
-        span=(0.0, float(minutes(d.time[-1]))),
+        parts=slices(np.searchsorted(run.time, nothing.mean(axis=1)), run.time.size),
+        span=(0.0, float(minutes(run.time[-1]))),
     )

@@ -112,19 +112,20 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
 
     The result is NaN where nothing is.
     """
-    determined = _determined(x, sigma)
+    determined = _has_sigma(x, sigma)
     squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=determined)).sum(axis=0)
     count = determined.sum(axis=0)
     return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
 
 
-def _determined(x: Array, sigma: Array) -> Selection:
+def _has_sigma(x: Array, sigma: Array) -> Selection:
+    """Return which values are finite and have a positive standard deviation."""
     return np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
 
 
 def _normalised(x: Array, sigma: Array) -> list[Array]:
     """Return of each column the values that are determined, over their sigmas."""
-    return [x[of, c] / sigma[of, c] for c, of in enumerate(_determined(x, sigma).T)]
+    return [x[of, c] / sigma[of, c] for c, of in enumerate(_has_sigma(x, sigma).T)]
 
 
 def residual_limit(n: int) -> float:

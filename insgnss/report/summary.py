@@ -108,19 +108,19 @@ def run_summary(
     return first | figures
 
 
-def _places(d: Diagnostics, eo: ExteriorOrientation | None) -> JudgedPlaces:
+def _places(run: Diagnostics, eo: ExteriorOrientation | None) -> JudgedPlaces:
     """Return what is judged: the images, or without any the epochs of the trajectory."""
     if eo is not None and eo.images:
         position, psi = image_sigmas(eo)
         return JudgedPlaces(eo.time, position, np.degrees(psi), eo.images)
     of_enu = [1, 0, 2]
-    sigma = d.smoothed_sigma
-    return JudgedPlaces(d.time, sigma[:, :3][:, of_enu], np.degrees(sigma[:, 6:9][:, of_enu]))
+    sigma = run.smoothed_sigma
+    return JudgedPlaces(run.time, sigma[:, :3][:, of_enu], np.degrees(sigma[:, 6:9][:, of_enu]))
 
 
-def _judged(d: Diagnostics, eo: ExteriorOrientation | None, week: int | None) -> dict[str, Any]:
+def _judged(run: Diagnostics, eo: ExteriorOrientation | None, week: int | None) -> dict[str, Any]:
     """All that follows from the diagnostics and the images."""
-    start, end = float(d.time[0]), float(d.time[-1])
+    start, end = float(run.time[0]), float(run.time[-1])
     return {
         "span": {
             "gps_week": week,
@@ -128,46 +128,48 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None, week: int | None) ->
             "end_tow_s": end,
             "duration_s": end - start,
         },
-        "counts": _counts(d, eo),
-        "exposures": None if eo is None or not eo.images else _exposures(d, eo),
+        "counts": _counts(run, eo),
+        "exposures": None if eo is None or not eo.images else _exposures(run, eo),
         "boresight_heading_deg": None if eo is None else _heading_of(eo.boresight),
-        "trajectory": _trajectory(d),
-        "innovations": innovation_figures(d.innovation, d.innovation_sigma, d.used),
-        "consistency": _consistency(d),
-        "residuals": _residuals(d),
-        "separation": _separation(d),
-        "biases": _biases(d),
-        "rejected": _rejected(d),
-        "covariance_resets_s": [] if d.covariance_resets is None else d.covariance_resets,
-        "longest_outage": longest_outage(d),
-        "outages": outage_figures(d, eo),
-        "lines": line_figures(d, eo),
+        "trajectory": _trajectory(run),
+        "innovations": innovation_figures(run.innovation, run.innovation_sigma, run.used),
+        "consistency": _consistency(run),
+        "residuals": _residuals(run),
+        "separation": _separation(run),
+        "biases": _biases(run),
+        "rejected": _rejected(run),
+        "covariance_resets_s": [] if run.covariance_resets is None else run.covariance_resets,
+        "longest_outage": longest_outage(run),
+        "outages": outage_figures(run, eo),
+        "lines": line_figures(run, eo),
         "neighbours": (
-            None if eo is None or (pairs := _pairs_of(eo)) is None else _neighbours(eo, *pairs)
+            None
+            if eo is None or (pairs := _neighbour_rows(eo)) is None
+            else _neighbours(eo, *pairs)
         ),
-        "states": [_state(state) for state in d.states],
-        "time_correlated_errors": [asdict(error) for error in d.time_correlated],
-        "rests": stationary_periods(d),
-        "segments": segments(d),
-        "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
-        "checks": [check.as_dict() for check in d.checks],
+        "states": [_state(state) for state in run.states],
+        "time_correlated_errors": [asdict(error) for error in run.time_correlated],
+        "rests": stationary_periods(run),
+        "segments": segments(run),
+        "imu_gaps": [{"time_s": time, "length_s": length} for time, length in run.gaps],
+        "checks": [check.as_dict() for check in run.checks],
     }
 
 
-def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
+def _counts(run: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
     counts = {
         "images": 0 if eo is None else len(eo.images),
-        "passes": d.passes,
-        "imu_gaps": len(d.gaps),
-        "fixes": d.fix_time.size,
-        "fixes_used": int(d.used.sum()),
-        "fixes_rejected": int((~d.used).sum()),
-        "fixes_withheld": 0 if d.withheld is None else int((d.withheld & ~d.used).sum()),
-        "covariance_resets": 0 if d.covariance_resets is None else d.covariance_resets.size,
+        "passes": run.passes,
+        "imu_gaps": len(run.gaps),
+        "fixes": run.fix_time.size,
+        "fixes_used": int(run.used.sum()),
+        "fixes_rejected": int((~run.used).sum()),
+        "fixes_withheld": 0 if run.withheld is None else int((run.withheld & ~run.used).sum()),
+        "covariance_resets": 0 if run.covariance_resets is None else run.covariance_resets.size,
     }
     for name, nis, used in (
-        ("velocities", d.velocity_nis, d.velocity_used),
-        ("barometer_heights", d.barometer_nis, d.barometer_used),
+        ("velocities", run.velocity_nis, run.velocity_used),
+        ("barometer_heights", run.barometer_nis, run.barometer_used),
     ):
         if nis is not None and used is not None:
             offered = np.isfinite(nis)
@@ -186,31 +188,34 @@ def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
     return sigma[:, :3], sigma[:, 3:]
 
 
-def _spread(x: Array) -> dict[str, Array]:
+def _min_median_max(x: Array) -> dict[str, Array]:
+    """Return smallest, median and largest of each column."""
     return {"min": x.min(axis=0), "median": np.median(x, axis=0), "max": x.max(axis=0)}
 
 
-def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
+def _exposures(run: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
     """Sigmas over the images: smallest, median, largest, first.
 
     The worst image of position and of attitude.
     """
     position, psi = image_sigmas(eo)
-    out: dict[str, Any] = {"axes": ENU_LETTERS, "count": len(eo.images)}
+    figures: dict[str, Any] = {"axes": ENU_LETTERS, "count": len(eo.images)}
     if eo.rig is not None:
         count = np.bincount(eo.rig.number, minlength=len(eo.rig.names)).tolist()
-        out["cameras"] = dict(zip(eo.rig.names, count, strict=True))
-    for name, x in (("position_mm", 1e3 * position), ("attitude_deg", np.degrees(psi))):
-        worst = int(np.argmax((x**2).sum(axis=1)))
-        at_worst = {"image": eo.images[worst], "time_s": eo.time[worst], "sigma": x[worst]}
-        out[name] = _spread(x) | {"first": x[0], "worst": at_worst}
-    out["first_image"] = eo.images[0]
+        figures["cameras"] = dict(zip(eo.rig.names, count, strict=True))
+    for name, sigmas in (("position_mm", 1e3 * position), ("attitude_deg", np.degrees(psi))):
+        worst = int(np.argmax((sigmas**2).sum(axis=1)))
+        at_worst = {"image": eo.images[worst], "time_s": eo.time[worst], "sigma": sigmas[worst]}
+        figures[name] = _min_median_max(sigmas) | {"first": sigmas[0], "worst": at_worst}
+    figures["first_image"] = eo.images[0]
     beyond = (position > FAR_WORSE * np.median(position, axis=0)).any(axis=1)
-    out["far_worse"] = {"count": int(beyond.sum()), "times": FAR_WORSE}
-    out["first_time_s"] = eo.time[0]
-    before = np.unwrap(d.rpy[d.time <= eo.time[0], 2])
-    out["heading_range_before_first_deg"] = math.degrees(np.ptp(before)) if before.size else 0.0
-    return out
+    figures["far_worse"] = {"count": int(beyond.sum()), "times": FAR_WORSE}
+    figures["first_time_s"] = eo.time[0]
+    heading_before = np.unwrap(run.rpy[run.time <= eo.time[0], 2])
+    figures["heading_range_before_first_deg"] = (
+        math.degrees(np.ptp(heading_before)) if heading_before.size else 0.0
+    )
+    return figures
 
 
 def _heading_of(boresight: Array) -> float:
@@ -221,26 +226,26 @@ def _heading_of(boresight: Array) -> float:
     return math.degrees(float(rpy_from_rotation(boresight.T)[2]))
 
 
-def _trajectory(d: Diagnostics) -> dict[str, Any]:
+def _trajectory(run: Diagnostics) -> dict[str, Any]:
     """Smoothed sigmas over the epochs of the diagnostics, and their gain on those of the filter."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        gain = np.median(d.filter_sigma, axis=0) / np.median(d.smoothed_sigma, axis=0)
+        gain = np.median(run.filter_sigma, axis=0) / np.median(run.smoothed_sigma, axis=0)
     return {
         "axes": NED,
-        "position_mm": _spread(1e3 * d.smoothed_sigma[:, 0:3]),
-        "velocity_mm_s": _spread(1e3 * d.smoothed_sigma[:, 3:6]),
-        "attitude_deg": _spread(np.degrees(d.smoothed_sigma[:, 6:9])),
+        "position_mm": _min_median_max(1e3 * run.smoothed_sigma[:, 0:3]),
+        "velocity_mm_s": _min_median_max(1e3 * run.smoothed_sigma[:, 3:6]),
+        "attitude_deg": _min_median_max(np.degrees(run.smoothed_sigma[:, 6:9])),
         "filter_over_smoothed": _by_state(gain),
     }
 
 
-def _consistency(d: Diagnostics) -> dict[str, Any]:
+def _consistency(run: Diagnostics) -> dict[str, Any]:
     """Consistency of what is measured besides positions; without a barometer it has no entry."""
-    out: dict[str, Any] = {"position": consistency(d.nis, d.used), "velocity": None}
-    if d.velocity_nis is not None and d.velocity_used is not None:
-        out["velocity"] = consistency(d.velocity_nis, d.velocity_used)
-    if d.barometer_nis is not None and d.barometer_used is not None:
-        out["barometer"] = consistency(d.barometer_nis, d.barometer_used, dof=1)
+    out: dict[str, Any] = {"position": consistency(run.nis, run.used), "velocity": None}
+    if run.velocity_nis is not None and run.velocity_used is not None:
+        out["velocity"] = consistency(run.velocity_nis, run.velocity_used)
+    if run.barometer_nis is not None and run.barometer_used is not None:
+        out["barometer"] = consistency(run.barometer_nis, run.barometer_used, dof=1)
     return out
 
 
@@ -249,19 +254,25 @@ def _by_state(rows: Array) -> dict[str, Array]:
     return dict(zip(STATES, rows.reshape(3, 3, *rows.shape[1:]), strict=True))
 
 
-def _separation(d: Diagnostics) -> dict[str, Any]:
+def _separation(run: Diagnostics) -> dict[str, Any]:
     """Backward minus forward: root mean square, and the same over its sigma.
 
     It is 1 where both filters are honest.
     """
-    x, one = d.separation, np.ones_like(d.separation)
-    rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
-    bound = rms_bound(x, d.separation_sigma)
-    sigma_of = _by_state(d.separation_sigma.T)
-    pooled = {state: rms_floor(y.T, sigma_of[state].T) for state, y in _by_state(x.T).items()}
+    difference, unit_sigma = run.separation, np.ones_like(run.separation)
+    rms, ratio = (
+        normalised_rms(difference, unit_sigma),
+        normalised_rms(difference, run.separation_sigma),
+    )
+    bound = rms_bound(difference, run.separation_sigma)
+    sigma_of = _by_state(run.separation_sigma.T)
+    pooled = {
+        state: rms_floor(values.T, sigma_of[state].T)
+        for state, values in _by_state(difference.T).items()
+    }
     return {
         "axes": NED,
-        "epochs": int(np.isfinite(x).any(axis=1).sum()),
+        "epochs": int(np.isfinite(difference).any(axis=1).sum()),
         "rms": {
             "position_mm": 1e3 * rms[0:3],
             "velocity_mm_s": 1e3 * rms[3:6],
@@ -271,13 +282,13 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
         "bound": _by_state(bound),
         "of_all_axes": {state: rms for state, (rms, _) in pooled.items()},
         "floor": {state: floor for state, (_, floor) in pooled.items()},
-        "largest": _largest_separation(d),
+        "largest": _largest_separation(run),
     }
 
 
-def _largest_separation(d: Diagnostics) -> dict[str, Any] | None:
+def _largest_separation(run: Diagnostics) -> dict[str, Any] | None:
     """Where and when forward and backward are the most sigmas apart; None where none is known."""
-    ratio = np.abs(d.separation) / d.separation_sigma
+    ratio = np.abs(run.separation) / run.separation_sigma
     if not np.isfinite(ratio).any():
         return None
     k, column = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
@@ -285,30 +296,32 @@ def _largest_separation(d: Diagnostics) -> dict[str, Any] | None:
         "state": STATES[int(column) // 3],
         "axis": NED[int(column) % 3],
         "sigmas": float(ratio[k, column]),
-        "time_s": float(d.separation_time[k]),
+        "time_s": float(run.separation_time[k]),
     }
 
 
-def _residuals(d: Diagnostics) -> dict[str, Any] | None:
+def _residuals(run: Diagnostics) -> dict[str, Any] | None:
     """Fixes minus solution of each piece of time, the worst of them, and the limit of all."""
-    if not d.residuals:
+    if not run.residuals:
         return None
     mean, sigma = (
-        np.array([getattr(r, key) for r in d.residuals]) for key in ("mean_m", "sigma_m")
+        np.array([getattr(r, key) for r in run.residuals]) for key in ("mean_m", "sigma_m")
     )
     ratio, limit = np.abs(mean) / sigma, residual_limit(mean.size)
-    k, axis = (int(i) for i in np.unravel_index(int(np.argmax(ratio)), ratio.shape))
+    worst_piece, axis = (
+        int(index) for index in np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    )
     return {
         "axes": NED,
         "limit": limit,
         "beyond": int((ratio > limit).any(axis=1).sum()),
         "worst": {
-            "begin_s": d.residuals[k].begin_s,
-            "end_s": d.residuals[k].end_s,
+            "begin_s": run.residuals[worst_piece].begin_s,
+            "end_s": run.residuals[worst_piece].end_s,
             "axis": NED_NAMES[axis],
-            "mean_mm": 1e3 * mean[k, axis],
-            "sigma_mm": 1e3 * sigma[k, axis],
-            "sigmas": ratio[k, axis],
+            "mean_mm": 1e3 * mean[worst_piece, axis],
+            "sigma_mm": 1e3 * sigma[worst_piece, axis],
+            "sigmas": ratio[worst_piece, axis],
         },
         "pieces": [
             {
@@ -318,14 +331,14 @@ def _residuals(d: Diagnostics) -> dict[str, Any] | None:
                 "mean_mm": 1e3 * m,
                 "sigma_mm": 1e3 * s,
             }
-            for r, m, s in zip(d.residuals, mean, sigma, strict=True)
+            for r, m, s in zip(run.residuals, mean, sigma, strict=True)
         ],
     }
 
 
-def _biases(d: Diagnostics) -> dict[str, Any]:
+def _biases(run: Diagnostics) -> dict[str, Any]:
     """Biases and their sigmas at the end of the flight, body axes."""
-    bias, sigma = d.bias[-1], d.bias_sigma[-1]
+    bias, sigma = run.bias[-1], run.bias_sigma[-1]
     return {
         "axes": ["forward", "right", "down"],
         "gyro_deg_h": DEG_H_PER_RAD_S * bias[:3],
@@ -335,15 +348,16 @@ def _biases(d: Diagnostics) -> dict[str, Any]:
     }
 
 
-def _rejected(d: Diagnostics) -> dict[str, Any]:
-    rows = np.flatnonzero(~d.used)
+def _rejected(run: Diagnostics) -> dict[str, Any]:
+    rows = np.flatnonzero(~run.used)
     listed = [
-        {"time_s": float(d.fix_time[i]), "nis": float(d.nis[i])} for i in rows[:MOST_FIXES_LISTED]
+        {"time_s": float(run.fix_time[i]), "nis": float(run.nis[i])}
+        for i in rows[:MOST_FIXES_LISTED]
     ]
-    return {"count": rows.size, "nis_limit": float(d.nis_limit), "listed": listed}
+    return {"count": rows.size, "nis_limit": float(run.nis_limit), "listed": listed}
 
 
-def _pairs_of(eo: ExteriorOrientation) -> tuple[Rows, Rows, Array] | None:
+def _neighbour_rows(eo: ExteriorOrientation) -> tuple[Rows, Rows, Array] | None:
     """Rows of neighbouring images, of a rig of one camera, and what they share; None without."""
     if eo.rig is None:
         rows = np.arange(len(eo))

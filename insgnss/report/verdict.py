@@ -40,29 +40,29 @@ class Verdict(NamedTuple):
         return f"{self.shown}: {self.why}"
 
 
-def worst_of(good: str, doubtful: Sequence[str] = (), bad: Sequence[str] = ()) -> Verdict:
+def worst_of(all_good: str, doubtful: Sequence[str] = (), severe: Sequence[str] = ()) -> Verdict:
     """Return the verdict of findings: that of the worst kind that there is.
 
     Parameters
     ----------
-    good : str
+    all_good : str
         What is good where nothing was found.
-    doubtful, bad : sequence of str
+    doubtful, severe : sequence of str
         Findings of either kind, the most important first, without full stop.
     """
-    findings = bad or doubtful
-    why = some(findings, NAMED, "; ") if findings else good
-    return Verdict("bad" if bad else "doubtful" if doubtful else "good", why)
+    findings = severe or doubtful
+    why = some(findings, NAMED, "; ") if findings else all_good
+    return Verdict("bad" if severe else "doubtful" if doubtful else "good", why)
 
 
 def run_verdict(summary: Mapping[str, Any]) -> Verdict:
     """Return the verdict on the run of a flight, by its `use` (`rules.use`)."""
     judged = summary["use"]
     mood_of: dict[str, Word] = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
-    return Verdict(mood_of[judged["verdict"]], _why(judged, summary), judged["sentence"])
+    return Verdict(mood_of[judged["verdict"]], _reasons_text(judged, summary), judged["sentence"])
 
 
-def _why(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
+def _reasons_text(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     """Return the reasons, or the need that all images are within."""
     if judged["reasons"] and judged["verdict"] != USE:
         return "; ".join(judged["reasons"])
@@ -71,11 +71,11 @@ def _why(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
         f" {' / '.join(f'{x:.2g}' for x in judged[f'{key}_deg'])} deg"
         for key in ("largest", "need")
     )
-    measure = (
-        f"the flight file needs {need}"
-        if judged["measure"] == STATED_NEED
-        else f"needed are {need}, which this receiver and this IMU allow on such a flight; state"
-        " your own need in output.need_m and output.need_deg"
-    )
+    measure = f"the flight file needs {need}"
+    if judged["measure"] != STATED_NEED:
+        measure = (
+            f"needed are {need}, which this receiver and this IMU allow on such a flight; state"
+            " your own need in output.need_m and output.need_deg"
+        )
     subject = "all images are" if summary["exposures"] else "the whole trajectory is"
     return f"{subject} known to {largest} (east, north, up) or better; {measure}"

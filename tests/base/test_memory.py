@@ -86,7 +86,7 @@ def test_the_limit_of_a_process_counts(
 def test_memory_is_given_back_or_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without glibc there is no such function."""
     give_back()
-    monkeypatch.setattr(memory, "_of_glibc", lambda name: None)
+    monkeypatch.setattr(memory, "_glibc_function", lambda name: None)
     give_back()
     keep_freed()
 

@@ -168,14 +168,14 @@ def refuse_cut_off(path: Path) -> None:
     """
     descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
     try:
-        size = os.fstat(descriptor).st_size
-        more = bytes(MORE_BYTES)
+        size_bytes = os.fstat(descriptor).st_size
+        padding = bytes(MORE_BYTES)
         try:
-            while more:
-                more = more[os.write(descriptor, more) :]
+            while padding:
+                padding = padding[os.write(descriptor, padding) :]
             os.fsync(descriptor)
         finally:
-            os.ftruncate(descriptor, size)
+            os.ftruncate(descriptor, size_bytes)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
     finally:

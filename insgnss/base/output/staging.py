@@ -190,7 +190,7 @@ class Staging:
                     if len(moves) > 1 or new_directories or marked_before:
                         self._move(new_directories, moves, names, before, undo)
                     elif moves:
-                        _done(*moves[0])
+                        _move_or_remove(*moves[0])
                     for directory, new in names.items():  # from here on the new files stand
                         self._mark(directory, before[directory] - new)
                     for _, goal in moves:
@@ -321,7 +321,7 @@ def _flush(sources: list[Path]) -> None:
             os.close(descriptor)
 
 
-def _done(source: Path | None, goal: Path) -> None:
+def _move_or_remove(source: Path | None, goal: Path) -> None:
     """Move one file or directory, which takes the place of a file at once, or remove a file."""
     with writing(goal, FREE):
         if source is None:

@@ -127,23 +127,23 @@ def _path(t: Array) -> tuple[Array, Array, Array, Array]:
 
 def _increments(frame: LocalFrame, marks: Array) -> Increments:
     """Return what an IMU without errors measures on the circle (I.2)."""
-    n = round(CIRCLE_S / SAMPLE_INTERVAL_S)
-    start = np.arange(n) * SAMPLE_INTERVAL_S
-    t = (start[:, None] + SAMPLE_INTERVAL_S * (1.0 + _LEGENDRE_NODES) / 2.0).ravel()
+    count = round(CIRCLE_S / SAMPLE_INTERVAL_S)
+    sample_begin = np.arange(count) * SAMPLE_INTERVAL_S
+    t = (sample_begin[:, None] + SAMPLE_INTERVAL_S * (1.0 + _LEGENDRE_NODES) / 2.0).ravel()
     p, v, C_lb, a = _path(t)
     lat, lon, h = frame.geodetic_from_position(p)
     g = frame.C_ln(lat, lon)[..., 2] * normal_gravity(lat, h)[:, None]
-    turn = frame.earth_rate_l + np.array([0.0, 0.0, 2.0 * np.pi / PERIOD_S])
+    rate_l = frame.earth_rate_l + np.array([0.0, 0.0, 2.0 * np.pi / PERIOD_S])
     force = a + 2.0 * np.cross(frame.earth_rate_l, v) - g
     weights = SAMPLE_INTERVAL_S * _WEIGHTS / 2.0
     dtheta, dvel = (
-        np.einsum("k,nki->ni", weights, np.einsum("nji,nj->ni", C_lb, x).reshape(n, 3, 3))
-        for x in (np.broadcast_to(turn, p.shape), force)
+        np.einsum("k,nki->ni", weights, np.einsum("nji,nj->ni", C_lb, vector).reshape(count, 3, 3))
+        for vector in (np.broadcast_to(rate_l, p.shape), force)
     )
     stop = np.round(marks / SAMPLE_INTERVAL_S).astype(np.int64)
-    rate = np.einsum("nji,j->ni", _path(marks)[2], turn)
+    rate = np.einsum("nji,j->ni", _path(marks)[2], rate_l)
     return Increments(
-        np.full(n, SAMPLE_INTERVAL_S), dtheta, dvel, marks, stop, rate, SAMPLE_INTERVAL_S
+        np.full(count, SAMPLE_INTERVAL_S), dtheta, dvel, marks, stop, rate, SAMPLE_INTERVAL_S
     )
 
 

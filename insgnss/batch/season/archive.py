@@ -99,8 +99,8 @@ class ArchiveResult:
         lines = []
         folders = [run.document.parent for run in self.runs]
         for run, folder in zip(self.runs, folders, strict=True):
-            one = folder if folders.count(folder) == 1 else run.document
-            where = relative(one, self.directory)
+            shown_path = folder if folders.count(folder) == 1 else run.document
+            where = relative(shown_path, self.directory)
             if run.problems:
                 lines += [f"{where}: {problem}" for problem in run.problems]
             elif run.remade:
@@ -114,8 +114,8 @@ class ArchiveResult:
             f"{relative(path, self.directory)}: no results yet; run insgnss process on it"
             for path in self.unprocessed
         ]
-        good = sum(not run.problems for run in self.runs)
-        return "\n".join([*lines, f"{good} of {len(self.runs)} results can be made again"])
+        reproduced = sum(not run.problems for run in self.runs)
+        return "\n".join([*lines, f"{reproduced} of {len(self.runs)} results can be made again"])
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -146,7 +146,7 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     """
     if not directory.is_dir():
         raise UsageError(f"archive: {directory} is no directory; give that of flights and results")
-    documents, orphans = _listed(directory)
+    documents, orphans = _documents_and_orphans(directory)
     if not documents and not orphans:
         raise UsageError(
             f"archive: {directory} holds no results of insgnss (no JSON document with {INPUTS_KEY})"
@@ -169,7 +169,7 @@ def _unprocessed(directory: Path, documents: Sequence[Path]) -> tuple[Path, ...]
     return tuple(flights)
 
 
-def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
+def _documents_and_orphans(directory: Path) -> tuple[list[Path], list[Path]]:
     """Return the documents of an archive, and products without one."""
     documents: list[Path] = []
     orphans: list[Path] = []
@@ -215,7 +215,7 @@ def _examined(document: Path, remake: bool) -> Examined:
     if made_by != __version__:
         problems.append(f"made by insgnss {made_by or 'of an unknown version'}, not {__version__}")
     notes = list(_other_versions(versions))
-    if any("given as object" in str(value) for value in _leaves(content.get("flight"))):
+    if any("given as object" in str(value) for value in _leaf_values(content.get("flight"))):
         problems.append(
             "an input was a Python object, not a file, so that the run cannot be repeated"
         )
@@ -262,9 +262,9 @@ def _base_of(document: Path, content: Mapping[str, Any]) -> Path:
     candidates = [folder / named] if isinstance(named, str) else []
     candidates += [folder, *folder.parents]
     names = list(content[INPUTS_KEY])
-    counts = [sum((one / name).is_file() for name in names) for one in candidates]
-    best = max(range(len(candidates)), key=lambda k: (counts[k], -k))
-    return Path(os.path.normpath(candidates[best]))
+    counts = [sum((candidate / name).is_file() for name in names) for candidate in candidates]
+    best_index = max(range(len(candidates)), key=lambda index: (counts[index], -index))
+    return Path(os.path.normpath(candidates[best_index]))
 
 
 def _inputs(hashes: Mapping[str, str], base: Path) -> Iterator[str]:
@@ -338,9 +338,10 @@ def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
         ]
 
 
-def _leaves(value: Any) -> Iterator[Any]:
+def _leaf_values(value: Any) -> Iterator[Any]:
+    """Yield the values of nested tables and lists of a JSON document."""
     if isinstance(value, dict | list):
         for item in value.values() if isinstance(value, dict) else value:
-            yield from _leaves(item)
+            yield from _leaf_values(item)
     else:
         yield value

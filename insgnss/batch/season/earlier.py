@@ -58,25 +58,29 @@ def earlier_flights(flight: Flight, report: Mapping[str, Any]) -> dict[str, Any]
         return {}
     equipment = flight.included[0].resolve().with_suffix("")
     above = (equipment.parent, flight.path.resolve().parent.parent)
-    table = next((file for d in above if (file := d / SEASON_FILE).is_file()), None)
+    table = next((file for folder in above if (file := folder / SEASON_FILE).is_file()), None)
     if table is None:
         return {}
     try:
         rows = read_season(table)
     except InputError:
         return {}  # `batch` writes it anew
-    this = row_of(report) | boresight_of(flight)
-    before = [row for row in rows if _is_earlier(row, this, equipment)]
-    if not before:
+    this_flight = row_of(report) | boresight_of(flight)
+    earlier = [row for row in rows if _is_earlier(row, this_flight, equipment)]
+    if not earlier:
         return {}
-    compared = [*_ratios(this, before), *_constants(this, before), *_biases(this, before)]
+    compared = [
+        *_ratios(this_flight, earlier),
+        *_constants(this_flight, earlier),
+        *_biases(this_flight, earlier),
+    ]
     figures = {
         "equipment": equipment.name,
         "season": relative(table, flight.path.parent),
-        "flights": len(before),
-        "last_utc": max(str(row["date_utc"]) for row in before),
+        "flights": len(earlier),
+        "last_utc": max(str(row["date_utc"]) for row in earlier),
         "compared": len(compared),
-        "different": [one for one in compared if one["differs"]],
+        "different": [comparison for comparison in compared if comparison["differs"]],
     }
     return {"earlier": figures}
 
@@ -97,6 +101,7 @@ def _values(rows: Sequence[Row], column: str) -> Any:
 def _figure(
     name: str, unit: str, value: float, usual: float, differs: bool, help: str
 ) -> dict[str, Any]:
+    """Return one compared figure with its unit, for `earlier` of report.json."""
     return {
         "name": name,
         "unit": unit,
@@ -107,60 +112,70 @@ def _figure(
     }
 
 
-def _ratios(this: Row, before: Sequence[Row]) -> list[dict[str, Any]]:
+def _ratios(this_flight: Row, earlier: Sequence[Row]) -> list[dict[str, Any]]:
     """Compare what is positive and has no sigma with the median of the earlier flights."""
-    out = []
+    comparisons = []
     for column, (label, unit) in RATIOS.items():
-        values = _values(before, column)
-        if values.size and is_number(this.get(column)) and np.median(values) > 0.0:
-            usual, value = float(np.median(values)), float(this[column])
+        values = _values(earlier, column)
+        if values.size and is_number(this_flight.get(column)) and np.median(values) > 0.0:
+            usual, value = float(np.median(values)), float(this_flight[column])
             differs = not usual / USUAL_RATIO < value < usual * USUAL_RATIO
-            better = "nothing to do" if value < usual else "see the remarks and the GNSS lines"
-            out.append(_figure(label, unit, value, usual, differs, better))
-    return out
+            advice = "nothing to do" if value < usual else "see the remarks and the GNSS lines"
+            comparisons.append(_figure(label, unit, value, usual, differs, advice))
+    return comparisons
 
 
-def _constants(this: Row, before: Sequence[Row]) -> list[dict[str, Any]]:
+def _constants(this_flight: Row, earlier: Sequence[Row]) -> list[dict[str, Any]]:
     """Compare lever arm, time offset and bore-sight with their mean by weights."""
-    out = []
-    for q in TREND_QUANTITIES:
+    comparisons = []
+    for quantity in TREND_QUANTITIES:
         pairs = [
-            (q.factor * row[q.column], q.factor * row[q.sigma])
-            for row in (this, *before)
-            if is_number(row.get(q.column)) and is_number(row.get(q.sigma)) and row[q.sigma] > 0.0
+            (quantity.factor * row[quantity.column], quantity.factor * row[quantity.sigma])
+            for row in (this_flight, *earlier)
+            if is_number(row.get(quantity.column))
+            and is_number(row.get(quantity.sigma))
+            and row[quantity.sigma] > 0.0
         ]
-        if len(pairs) < 2 or not is_number(this.get(q.column)) or not this.get(q.sigma):
+        if (
+            len(pairs) < 2
+            or not is_number(this_flight.get(quantity.column))
+            or not this_flight.get(quantity.sigma)
+        ):
             continue
-        (value, sigma), *earlier = pairs
-        values, sigmas = np.array(earlier).T
-        w = sigmas**-2.0
-        mean = float(w @ values / w.sum())
-        scatter = max(1.0, float(w @ (values - mean) ** 2 / max(values.size - 1, 1)))
-        limit = SLOPE_SIGMAS * np.sqrt(sigma**2 + scatter / w.sum())
-        differs = abs(value - mean) > max(float(limit), q.physical)
-        out.append(_figure(str(q.state), q.unit, value, mean, differs, REMOUNTED))
-    return out
+        (value, sigma), *pairs_before = pairs
+        values, sigmas = np.array(pairs_before).T
+        weights = sigmas**-2.0
+        mean = float(weights @ values / weights.sum())
+        scatter = max(1.0, float(weights @ (values - mean) ** 2 / max(values.size - 1, 1)))
+        limit = SLOPE_SIGMAS * np.sqrt(sigma**2 + scatter / weights.sum())
+        differs = abs(value - mean) > max(float(limit), quantity.physical)
+        comparisons.append(
+            _figure(str(quantity.state), quantity.unit, value, mean, differs, REMOUNTED)
+        )
+    return comparisons
 
 
-def _biases(this: Row, before: Sequence[Row]) -> list[dict[str, Any]]:
+def _biases(this_flight: Row, earlier: Sequence[Row]) -> list[dict[str, Any]]:
     """Compare the biases with their mean; they differ from one turn-on to the next."""
     from scipy.stats import t
 
-    out = []
+    comparisons = []
     for column, (name, unit) in BIAS_COLUMNS.items():
-        values = _values(before, column)
-        if values.size < 2 or not is_number(this.get(column)):
+        values = _values(earlier, column)
+        if values.size < 2 or not is_number(this_flight.get(column)):
             continue
         usual = float(np.mean(values))
-        n = values.size  # the next of normal values about their mean, which is not known
+        count = values.size  # the next of normal values about their mean, which is not known
         spread = (
             float(np.std(values, ddof=1))
-            * (1.0 + 1.0 / n) ** 0.5
-            * t.isf(0.5 * CHANCE_OF_DIFFERENCE, n - 1)
+            * (1.0 + 1.0 / count) ** 0.5
+            * t.isf(0.5 * CHANCE_OF_DIFFERENCE, count - 1)
         )
-        physical = next(x for end, x in PHYSICAL_BIASES.items() if column.endswith(end))
-        value = float(this[column])
+        physical = next(
+            largest for suffix, largest in PHYSICAL_BIASES.items() if column.endswith(suffix)
+        )
+        value = float(this_flight[column])
         differs = abs(value - usual) > max(float(spread), physical)
-        help = "let the IMU warm up longer, and see whether the next flight has it, too"
-        out.append(_figure(name, unit, value, usual, differs, help))
-    return out
+        advice = "let the IMU warm up longer, and see whether the next flight has it, too"
+        comparisons.append(_figure(name, unit, value, usual, differs, advice))
+    return comparisons

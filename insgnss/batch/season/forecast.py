@@ -32,13 +32,13 @@ def rows_of(file: object) -> int:
     """
     if not isinstance(file, Path) or not file.is_file():
         return 0
-    size = file.stat().st_size
+    size_bytes = file.stat().st_size
     with opened(file) as stream:
-        head = stream.read(PROBE)
-    if b"\0" in head:
-        return size // BINARY_ROW
-    lines = head.count(b"\n")
-    return int(size * lines / len(head)) if lines else 0
+        beginning = stream.read(PROBE)
+    if b"\0" in beginning:
+        return size_bytes // BINARY_ROW
+    lines = beginning.count(b"\n")
+    return int(size_bytes * lines / len(beginning)) if lines else 0
 
 
 def forecast_bytes(flight: Flight) -> float:

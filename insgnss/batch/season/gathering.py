@@ -60,16 +60,16 @@ def gather(sources: Sequence[str], overview: Path | None = None) -> list[SeasonF
     """
     flights: dict[str, SeasonFlight] = {}
     for source in sources:
-        for flight in _of_word(source, overview):
+        for flight in _flights_of_argument(source, overview):
             flights.setdefault(os.path.realpath(flight.file), flight)
     return _with_names(list(flights.values()))
 
 
-def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
+def _flights_of_argument(source: str, overview: Path | None) -> list[SeasonFlight]:
     """Return the flights of one word, whose names may still be empty."""
     path = Path(source)
     if path.is_dir():
-        files = _below(path)
+        files = _flight_files_below(path)
         if not files:
             raise UsageError(
                 f"{source}: no {FLIGHT_FILE} in this directory or below it; give the directory"
@@ -83,13 +83,13 @@ def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
             else [SeasonFlight(path.absolute())]
         )
     if any(sign in source for sign in PATTERN_LETTERS):
-        return _matching(source)
+        return _files_matching(source)
     raise UsageError(
         f"{source}: does not exist; give directories, flight files, patterns or a table of flights"
     )
 
 
-def _below(directory: Path) -> list[Path]:
+def _flight_files_below(directory: Path) -> list[Path]:
     """Return the flight files in a directory and below, but for those of runs that have died."""
     files = []
     for folder, inner, names in os.walk(directory.absolute()):
@@ -99,7 +99,7 @@ def _below(directory: Path) -> list[Path]:
     return files
 
 
-def _matching(pattern: str) -> list[SeasonFlight]:
+def _files_matching(pattern: str) -> list[SeasonFlight]:
     """Return the flights of a pattern: flight files, or directories that hold them."""
     import glob
 
@@ -124,50 +124,55 @@ def _table(path: Path, overview: Path | None) -> list[SeasonFlight]:
     with opened_text(path, "utf-8-sig", newline="") as stream:
         rows = csv.reader("\n" if line.lstrip().startswith("#") else line for line in stream)
         try:
-            return _of_rows(path, list(rows), overview)
+            return _flights_of_rows(path, list(rows), overview)
         except (csv.Error, UnicodeDecodeError) as error:
             raise InputError.in_file(
                 path, f"is no CSV file in UTF-8: {error}; save the table as CSV in UTF-8"
             ) from None
 
 
-def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[SeasonFlight]:
-    first = next((k for k, row in enumerate(rows) if row), 0)  # comments became empty rows
-    head = [word.strip() for word in rows[first]] if rows else []
-    if "flight" not in head:
-        columns = ", ".join(head) or "none"
+def _flights_of_rows(
+    path: Path, rows: list[list[str]], overview: Path | None
+) -> list[SeasonFlight]:
+    """Return the flights of a table's rows; refuse unknown columns and missing flights."""
+    header_row = next(
+        (index for index, row in enumerate(rows) if row), 0
+    )  # comments became empty rows
+    header = [word.strip() for word in rows[header_row]] if rows else []
+    if "flight" not in header:
+        columns = ", ".join(header) or "none"
         names = ", ".join(TABLE_COLUMNS)
         problem = f"has no column flight (columns: {columns}); a table of flights has {names}"
-        raise InputError.at_line(path, first + 1, problem)
-    if unknown := [word for word in head if word not in TABLE_COLUMNS]:
+        raise InputError.at_line(path, header_row + 1, problem)
+    if unknown := [word for word in header if word not in TABLE_COLUMNS]:
         problem = f"column {unknown[0]!r} is unknown; known are {', '.join(TABLE_COLUMNS)}"
-        raise InputError.at_line(path, first + 1, problem)
+        raise InputError.at_line(path, header_row + 1, problem)
     flights = []
-    for number, row in enumerate(rows[first + 1 :], first + 2):
+    for number, row in enumerate(rows[header_row + 1 :], header_row + 2):
         if not any(word.strip() for word in row):
             continue
-        if len(row) != len(head):
-            problem = f"{len(row)} values under {len(head)} columns"
+        if len(row) != len(header):
+            problem = f"{len(row)} values under {len(header)} columns"
             raise InputError.at_line(path, number, problem)
-        of = dict(zip(head, (word.strip() for word in row), strict=True))
-        file = path.absolute().parent / of["flight"]
+        cells = dict(zip(header, (word.strip() for word in row), strict=True))
+        file = path.absolute().parent / cells["flight"]
         file = file / FLIGHT_FILE if file.is_dir() else file
-        if not of["flight"] or not is_file(file):
+        if not cells["flight"] or not is_file(file):
             problem = (
-                f"flight {of['flight']!r} does not exist; paths are relative to the directory of"
+                f"flight {cells['flight']!r} does not exist; paths are relative to the directory of"
                 f" {path.name}"
             )
             raise InputError.at_line(path, number, problem)
-        out = path.absolute().parent / of["out"] if of.get("out") else None
-        homes = filter(None, (path.absolute().parent, overview))
-        if out is not None and not any(inside(out, home) for home in homes):
-            problem = f"out {of['out']!r} is outside of the directory of {path.name}"
+        out_directory = path.absolute().parent / cells["out"] if cells.get("out") else None
+        allowed = filter(None, (path.absolute().parent, overview))
+        if out_directory is not None and not any(inside(out_directory, home) for home in allowed):
+            problem = f"out {cells['out']!r} is outside of the directory of {path.name}"
             advice = (
                 "give as --out a directory that contains this output directory, or move"
                 f" {path.name} into one"
             )
             raise InputError.at_line(path, number, f"{problem}; {advice}")
-        flights.append(SeasonFlight(file, of.get("name", ""), out))
+        flights.append(SeasonFlight(file, cells.get("name", ""), out_directory))
     if not flights:
         raise InputError.in_file(
             path, "names no flight; write one flight file or directory in each line"
@@ -176,22 +181,24 @@ def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[S
 
 
 def _with_names(flights: list[SeasonFlight]) -> list[SeasonFlight]:
-    """Give every flight a name: that of the table, else its directory as far as it tells it."""
+    """Give every flight a name: that of the table, else its directory below the common one."""
     folders = [flight.file.parent for flight in flights]
-    common = Path(os.path.commonpath(folders)) if len(folders) > 1 else folders[0].parent
+    common_folder = Path(os.path.commonpath(folders)) if len(folders) > 1 else folders[0].parent
     named = []
-    taken: dict[str, Path] = {}
+    file_of_name: dict[str, Path] = {}
     for flight, folder in zip(flights, folders, strict=True):
-        label = folder.relative_to(common).as_posix() if folder != common else folder.name
+        label = (
+            folder.relative_to(common_folder).as_posix() if folder != common_folder else folder.name
+        )
         if flight.file.name != FLIGHT_FILE:
             label = f"{label}/{flight.file.stem}" if label != "." else flight.file.stem
         name = flight.name or label
-        if name in taken:
+        if name in file_of_name:
             raise UsageError(
-                f"two flights are called {name!r}: {taken[name]} and {flight.file}; give names in a"
-                " table of flights"
+                f"two flights are called {name!r}: {file_of_name[name]} and {flight.file}; give"
+                " names in a table of flights"
             )
-        taken[name] = flight.file
+        file_of_name[name] = flight.file
         named.append(SeasonFlight(flight.file, name, flight.out))
     return named
 

@@ -51,7 +51,9 @@ def season_document(
     files : sequence of Path
         What was written.
     """
-    failed = [(row["name"], sentence(str(row["reason"]))) for row in rows if _is(row, FAILED)]
+    failed = [
+        (row["name"], sentence(str(row["reason"]))) for row in rows if _has_status(row, FAILED)
+    ]
     head: tuple[str, ...] = ("flight", "equipment", "date (UTC)", "status", "images")
     head += ("sigma E / N / U, mm", "tilt E / N, deg", "heading, deg", "NIS ratio")
     head += ("what stands out",)
@@ -109,7 +111,7 @@ def _verdict(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Verdict:
     )
 
 
-def _is(row: Row, *status: str) -> bool:
+def _has_status(row: Row, *status: str) -> bool:
     return row["status"] in status
 
 
@@ -117,9 +119,9 @@ def _cells(row: Row) -> tuple[str, ...]:
     """Return the cells of a flight, its name linked to its report."""
     judged = str(row.get("judgement") or "")
     mark = {"good": "ok", "doubtful": "note", "bad": "contradiction"}.get(judged, "note")
-    status = str(row["status"]) if _is(row, FAILED, WAITING) else judged
-    status += " (kept)" if _is(row, JOB_KEPT) else ""
-    why = "" if _is(row, FAILED, WAITING) else row.get("reason")
+    status = str(row["status"]) if _has_status(row, FAILED, WAITING) else judged
+    status += " (kept)" if _has_status(row, JOB_KEPT) else ""
+    why = "" if _has_status(row, FAILED, WAITING) else row.get("reason")
     return (
         Marked(row["name"], link=quote(str(row.get("report") or "").replace(os.sep, "/"))),
         row.get("equipment") or "",
@@ -155,7 +157,9 @@ def charts(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Iterator[Chart
         groups.setdefault((trend.equipment, trend.quantity.state.group), []).append(trend)
     for number, ((equipment, kind), members) in enumerate(groups.items(), 1):
         panels = [
-            Panel(f"{t.quantity.state.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
+            Panel(
+                f"{t.quantity.state.axis or kind}, {t.quantity.unit}", list(_trend_layers(t, ink))
+            )
             for t, ink in zip(members, TREND_INKS, strict=False)
         ]
         of = f" of {equipment}" if equipment else ""
@@ -168,21 +172,24 @@ def charts(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Iterator[Chart
     yield from _sigmas(rows)
 
 
-def _layers(trend: SeasonTrend, ink: Ink) -> Iterator[Layer]:
-    """Values with their sigmas, and the line."""
-    x, y, s = trend.days, trend.value, trend.sigma
-    nan = np.full(x.size, np.nan)
+def _trend_layers(trend: SeasonTrend, ink: Ink) -> Iterator[Layer]:
+    """Yield the values of a trend with their sigmas, and its line."""
+    days, values, sigmas = trend.days, trend.value, trend.sigma
+    nan = np.full(days.size, np.nan)
     yield Layer(
         "line",
-        np.column_stack([x, x, x]).ravel(),
-        np.column_stack([y - s, y + s, nan]).ravel(),
+        np.column_stack([days, days, days]).ravel(),
+        np.column_stack([values - sigmas, values + sigmas, nan]).ravel(),
         ink=ink,
         faint=True,
     )
-    texts = [f"{name}: {v:.4g} ± {d:.2g}" for name, v, d in zip(trend.names, y, s, strict=True)]
-    yield Layer("points", x, y, str(trend.quantity.state), ink, texts=texts, width=5.0)
+    texts = [
+        f"{name}: {value:.4g} ± {sigma:.2g}"
+        for name, value, sigma in zip(trend.names, values, sigmas, strict=True)
+    ]
+    yield Layer("points", days, values, str(trend.quantity.state), ink, texts=texts, width=5.0)
     if np.isfinite(trend.slope):
-        ends: Array = np.array([x.min(), x.max()])
+        ends: Array = np.array([days.min(), days.max()])
         drifts = trend.finding == "drift"
         yield Layer(
             *("line", ends, trend.level + trend.slope * ends),

@@ -149,8 +149,8 @@ class _Worker:
             )
         else:
             reason = (
-                f"its process died again when it ran alone, {_how(self.process)}, and the system"
-                f" does not report a lack of memory as the cause ({forecast},"
+                f"its process died again when it ran alone, {_exit_reason(self.process)}, and the"
+                f" system does not report a lack of memory as the cause ({forecast},"
                 f" {self._most / GB:.1f} GB when last seen): it was ended from outside, or"
                 f" compiled code crashed; run insgnss process {self.task.file} to see which"
             )
@@ -220,7 +220,7 @@ def _work(pipe: Connection) -> None:
         ignore_endings()
 
 
-def _how(process: multiprocessing.process.BaseProcess) -> str:
+def _exit_reason(process: multiprocessing.process.BaseProcess) -> str:
     """Return by what a process has ended."""
     code = process.exitcode or 0
     with suppress(ValueError):

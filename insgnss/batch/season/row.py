@@ -79,10 +79,14 @@ def row_of(report: Mapping[str, Any]) -> Row:
         "version": report["versions"]["insgnss"],
         "inputs_sha256": digest(report["inputs_sha256"]),
     }
-    for axis, sigma, turn in zip("enu", position, attitude, strict=True):
-        row[f"sigma_{axis}_mm"], row[f"sigma_att_{axis}_deg"] = sigma, turn
+    for axis, sigma, attitude_sigma in zip("enu", position, attitude, strict=True):
+        row[f"sigma_{axis}_mm"], row[f"sigma_att_{axis}_deg"] = sigma, attitude_sigma
     biases = report.get("biases") or {}
-    of_axes = [b for s, u in BIAS_UNITS.items() for b in biases.get(f"{s}_{u}") or [None] * 3]
+    of_axes = [
+        bias
+        for sensor, unit in BIAS_UNITS.items()
+        for bias in biases.get(f"{sensor}_{unit}") or [None] * 3
+    ]
     row |= dict(zip(BIAS_COLUMNS, of_axes, strict=True))
     return row | constants_row(report)
 

@@ -78,7 +78,11 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
         raise UsageError(
             f"--scheduler {scheduler}: a worker cannot load insgnss ({error}); install it there"
         ) from None
-    differing = {address: v for address, v in versions.items() if v != __version__}
+    differing = {
+        address: remote_version
+        for address, remote_version in versions.items()
+        if remote_version != __version__
+    }
     if differing:
         address, version = next(iter(differing.items()))
         raise UsageError(
@@ -87,12 +91,12 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
         )
     infos = client.scheduler_info(n_workers=-1)["workers"]
     threads = {address: int(info["nthreads"]) for address, info in infos.items()}
-    if (most := max(threads.values(), default=1)) > 1:
-        address = max(threads, key=lambda one: threads[one])
+    if (largest := max(threads.values(), default=1)) > 1:
+        address = max(threads, key=lambda worker: threads[worker])
         raise UsageError(
-            f"--scheduler {scheduler}: worker {address} has {most} threads, but must have 1:"
+            f"--scheduler {scheduler}: worker {address} has {largest} threads, but must have 1:"
             " flights in one process would mix their warnings and crash together; start `dask"
-            f" worker {scheduler} --nthreads 1 --nworkers {most}`"
+            f" worker {scheduler} --nthreads 1 --nworkers {largest}`"
         )
 
 

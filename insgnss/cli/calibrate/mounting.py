@@ -112,7 +112,7 @@ class FlightFiles:
     )
 
 
-def _finished(
+def _written_result(
     options: argparse.Namespace, progress: Progress, result: "CalibratedMounting", *files: Path
 ) -> Judged:
     """Write the result of a calibration of `files`."""
@@ -140,7 +140,7 @@ def _of_two_files(name: str, example: str, inputs: type, chosen: type) -> Verb:
         }
         progress("calibrating")
         files = [getattr(options, field.name) for field in fields(inputs)]
-        return _finished(
+        return _written_result(
             options, progress, calibrate[name](*files, options.records[chosen]), *files
         )
 
@@ -156,7 +156,7 @@ def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
     flight = load_flight(options.flight)
     result = calibrate_mounting(flight, options.poses, options.records[Assumptions], progress)
     calibration = calibrated(result, flight, options.photo, options.date)
-    return _finished(options, progress, calibration, flight.path, options.poses)
+    return _written_result(options, progress, calibration, flight.path, options.poses)
 
 
 MOUNTING_VERBS = (

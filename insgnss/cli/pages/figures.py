@@ -50,9 +50,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
     )
 
 
-VERB = Verb(
-    "figures",
-    EXAMPLE,
-    (FiguresRequest,),
-    run,
-)
+VERB = Verb("figures", EXAMPLE, (FiguresRequest,), run)

@@ -37,9 +37,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Result:
     return print_page(options.source, options.pdf, options.appendix, options.force)
 
 
-VERB = Verb(
-    "report",
-    EXAMPLE,
-    (ReportRequest,),
-    run,
-)
+VERB = Verb("report", EXAMPLE, (ReportRequest,), run)

@@ -30,9 +30,4 @@ def run(options: argparse.Namespace, progress: Progress) -> Judged:
     return Judged(result, result.refusal)
 
 
-VERB = Verb(
-    "archive",
-    EXAMPLE,
-    (ArchiveRequest,),
-    run,
-)
+VERB = Verb("archive", EXAMPLE, (ArchiveRequest,), run)

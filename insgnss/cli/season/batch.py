@@ -66,9 +66,4 @@ class _ProgressLines:
         self._progress(f"{done} of {count} flights{remaining}")
 
 
-VERB = Verb(
-    "batch",
-    EXAMPLE,
-    (SeasonRequest,),
-    run,
-)
+VERB = Verb("batch", EXAMPLE, (SeasonRequest,), run)

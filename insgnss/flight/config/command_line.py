@@ -47,7 +47,7 @@ def add_options(
             if group not in groups:
                 groups[group] = parser.add_argument_group(group)
             needed = item.required if required is None else item.name in required
-            _add(groups[group], item, f"{table}__{item.name}".removeprefix("__"), needed)
+            _add_argument(groups[group], item, f"{table}__{item.name}".removeprefix("__"), needed)
 
 
 def given_of(parsed: argparse.Namespace, kind: type, table: str = "") -> dict[str, Any]:
@@ -83,37 +83,40 @@ def names_of(tables: Mapping[str, Iterable[type]] = FLIGHT_TABLES) -> dict[str, 
     }
 
 
-def _add(parser: Any, item: Declared, name: str, required: bool) -> None:
-    stated, kind = item.option, OPTION_KINDS[item.kind]
-    more: dict[str, Any] = {"help": _help(item, required), "type": _word(item)}
+def _add_argument(parser: Any, item: Declared, name: str, required: bool) -> None:
+    """Add one declared option to the parser, as its kind takes its values."""
+    option, kind = item.option, OPTION_KINDS[item.kind]
+    settings: dict[str, Any] = {"help": _help(item, required), "type": _word(item)}
     if kind.several:
-        more |= {"nargs": "+", "action": "extend"}
-    if stated.repeated:
-        more |= {"nargs": None, "action": "append"}
+        settings |= {"nargs": "+", "action": "extend"}
+    if option.repeated:
+        settings |= {"nargs": None, "action": "append"}
     elif item.kind in ("numbers", "lever", "moved", "sigmas"):
-        more["nargs"] = item.count
-    if stated.alone is not None:
-        more |= {"nargs": "?", "const": stated.alone}
+        settings["nargs"] = item.count
+    if option.alone is not None:
+        settings |= {"nargs": "?", "const": option.alone}
     if item.kind in ("choice", "whole") and item.choices:
-        more["choices"] = item.choices
+        settings["choices"] = item.choices
     if not item.flag.startswith("-"):
-        many = ("+" if required else "*") if kind.several else None if required else "?"
-        more |= {"nargs": many, "action": "store"}
+        nargs = ("+" if required else "*") if kind.several else None if required else "?"
+        settings |= {"nargs": nargs, "action": "store"}
         if item.kind != "choice":
-            more["metavar"] = item.flag
-        parser.add_argument(name, **more)
+            settings["metavar"] = item.flag
+        parser.add_argument(name, **settings)
         return
     if item.kind == "flag":
-        set_to = "store_false" if item.default else "store_true"
-        more["action"] = argparse.BooleanOptionalAction if item.default is None else set_to
-        more.pop("type")
-    elif "choices" not in more:
-        name_of_value = stated.metavar or _metavar(item)
-        more["metavar"] = tuple(name_of_value.split()) if " " in name_of_value else name_of_value
+        flag_action = "store_false" if item.default else "store_true"
+        settings["action"] = argparse.BooleanOptionalAction if item.default is None else flag_action
+        settings.pop("type")
+    elif "choices" not in settings:
+        name_of_value = option.metavar or _metavar(item)
+        settings["metavar"] = (
+            tuple(name_of_value.split()) if " " in name_of_value else name_of_value
+        )
     if required:
-        more["required"] = True
-    more["default"] = [] if kind.several and not required else None
-    parser.add_argument(item.flag, dest=name, **more)
+        settings["required"] = True
+    settings["default"] = [] if kind.several and not required else None
+    parser.add_argument(item.flag, dest=name, **settings)
 
 
 def _word(item: Declared) -> Callable[[str], Any]:

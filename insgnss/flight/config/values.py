@@ -123,7 +123,7 @@ def covariance_of(table: OptionTable) -> CovarianceModel:
 
 def _existing(table: OptionTable, key: str, value: Any) -> Any:
     """The path of a file or directory that is there."""
-    return _present(table, key, [table.resolve(table.text(key), key)], Path.exists)[0]
+    return _values_present(table, key, [table.resolve(table.text(key), key)], Path.exists)[0]
 
 
 def _file_or_directory(table: OptionTable, key: str, value: Any) -> Any:
@@ -143,7 +143,7 @@ def _images(table: OptionTable, key: str, value: Any) -> Any:
 
 def _files(table: OptionTable, key: str, value: Any) -> Any:
     """The paths of files that are there."""
-    return _present(table, key, [table.resolve(name, key) for name in table.texts(key, ())])
+    return _values_present(table, key, [table.resolve(name, key) for name in table.texts(key, ())])
 
 
 def _observations(table: OptionTable, key: str, value: Any) -> Any:
@@ -151,13 +151,13 @@ def _observations(table: OptionTable, key: str, value: Any) -> Any:
     if isinstance(value, str) and not is_pattern(value):
         return table.file(key)
     names = (value,) if isinstance(value, str) else table.texts(key, ())
-    paths = _present(table, key, list(expanded(table.resolve(name, key) for name in names)))
+    paths = _values_present(table, key, list(expanded(table.resolve(name, key) for name in names)))
     if not paths:
         raise table.error(key, "is an empty list; name the files")
     return paths[0] if len(paths) == 1 else paths
 
 
-def _present(
+def _values_present(
     table: OptionTable, key: str, paths: list[Path], exists: Callable[[Path], bool] = is_file
 ) -> list[Path]:
     """The paths; a refusal names the first of them that does not exist."""

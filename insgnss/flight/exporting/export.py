@@ -6,7 +6,7 @@ in either.
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -168,31 +168,11 @@ def refuse_names(images: Sequence[str], names: Sequence[str], rename: Sequence[s
 
 
 def _export(
-    eo: ExteriorOrientation,
-    name: str,
-    path: Path,
-    target: ExportFrame,
-    options: dict[str, Any],
+    eo: ExteriorOrientation, name: str, path: Path, target: ExportFrame, options: dict[str, Any]
 ) -> Exported:
+    """Write `eo` as format `name` in the target frame; refuse options that do not fit it."""
     form = EXPORTS[name]
-    if not eo.images:
-        raise InputError(
-            f"export: {name}: there are no images; process a flight with camera events"
-        )
-    if doubles := [image for image, n in Counter(eo.images).items() if n > 1]:
-        raise InputError(
-            f"export: {name}: image {doubles[0]!r} stands {eo.images.count(doubles[0])} times; give"
-            " every image a name of its own"
-        )
-    if unknown := [key for key in options if key not in form.options]:
-        takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
-        raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
-    if eo.rig is not None and (single := [key for key in options if key in form.of_one_camera]):
-        raise UsageError(
-            f"export: {name}: {single[0]} is that of one camera, the orientation has"
-            f" {', '.join(eo.rig.names)}; export each by itself (--camera NAME,"
-            " eo.of_camera(NAME) in Python)"
-        )
+    _refuse_unfit(eo, name, form, options)
     if form.frames == ():
         if target != ExportFrame():
             raise UsageError(
@@ -211,11 +191,10 @@ def _export(
             )
         eo, target = in_datum(eo, target.crs), replace(target, crs=None, frame=GEOGRAPHIC)
     kind = _kind(name, form, target)
-    projection = (
-        MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch, form.any_unit)
-        if kind == PROJECTED
-        else None
-    )
+    projection = None
+    if kind == PROJECTED:
+        crs = str(target.crs)
+        projection = MapProjection(crs, target.geoid, eo.datum, eo.epoch, form.any_unit)
     above_ground = bool(form.without_geoid) and options.get("altitude", "absolute") != "absolute"
     if "sea level" in (form.heights, options.get("heights")) and not above_ground:
         options = options | {"undulation_m": _undulation(eo, name, target)}
@@ -226,15 +205,38 @@ def _export(
         )
     framed = form.in_own_frame(in_frame(eo, kind, projection, target.ground_m))
     if form.relative:
-        exported = form.write(_relative(name, framed, eo, options), path)
+        notes += form.write(_relative(name, framed, eo, options), path) or ()
     else:
-        exported = form.write(framed, path, **options)
-    beside = form.helpers(framed, path)
-    if beside:
-        atomic_writes(beside)
-    notes += exported or ()
+        notes += form.write(framed, path, **options) or ()
+    scripts = form.helpers(framed, path)
+    if scripts:
+        atomic_writes(scripts)
     notes += _notes(form, projection, framed, eo, target, "length_unit" in options)
-    return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(beside), format=name)
+    return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(scripts), format=name)
+
+
+def _refuse_unfit(
+    eo: ExteriorOrientation, name: str, form: Export, options: Mapping[str, Any]
+) -> None:
+    """Refuse images without or with shared names, and options that the format does not take."""
+    if not eo.images:
+        raise InputError(
+            f"export: {name}: there are no images; process a flight with camera events"
+        )
+    if doubles := [image for image, count in Counter(eo.images).items() if count > 1]:
+        raise InputError(
+            f"export: {name}: image {doubles[0]!r} stands {eo.images.count(doubles[0])} times; give"
+            " every image a name of its own"
+        )
+    if unknown := [key for key in options if key not in form.options]:
+        takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
+        raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
+    if eo.rig is not None and (single := [key for key in options if key in form.of_one_camera]):
+        raise UsageError(
+            f"export: {name}: {single[0]} is that of one camera, the orientation has"
+            f" {', '.join(eo.rig.names)}; export each by itself (--camera NAME,"
+            " eo.of_camera(NAME) in Python)"
+        )
 
 
 def on_area(projection: MapProjection, lat: Array, lon: Array) -> Iterator[str]:

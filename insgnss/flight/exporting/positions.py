@@ -63,7 +63,7 @@ def export_positions(
             " leave --frame and --ground out"
         )
     projection = None if target.crs is None else MapProjection(target.crs, target.geoid)
-    cameras = _placed(positions, target, projection)
+    cameras = _in_export_frame(positions, target, projection)
     with together() as staging:
         form.write(cameras, path)
         helpers = function_at(form.helper)(cameras, path) if form.helper else {}
@@ -81,7 +81,7 @@ def export_positions(
     return Exported(path, cameras.frame.name, tuple(notes), helpers=tuple(helpers), format=name)
 
 
-def _placed(
+def _in_export_frame(
     positions: CameraPositions, target: ExportFrame, projection: MapProjection | None
 ) -> PlacedCameras:
     lat, lon, height = positions.lat, positions.lon, positions.height

@@ -76,22 +76,21 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
         return Alone(imu, {}, ())
     norm = np.linalg.norm(imu.accel, axis=1)
     typical, scatter = float(np.median(norm)), float(np.std(norm))
-    unit, factor, sure = _force_unit(typical)
-    steady = scatter < SCATTER_AT_REST * typical
-    units = {} if unit == "m/s^2" else {"accel": unit}
+    force_unit, factor, confidence = _force_unit(typical)
+    at_rest = scatter < SCATTER_AT_REST * typical
+    units = {} if force_unit == "m/s^2" else {"accel": force_unit}
     evidence = (
         f"median of |f| {typical:.5g}, scatter {scatter:.2g}; gravity is {STANDARD_GRAVITY:.3f}"
         " m/s^2"
     )
-    findings = [answer("accelerometer unit", unit, sure if steady else 0.5 * sure, evidence)]
-    gyro_factor, gyro = (
-        _gyro_unit(imu)
-        if steady
-        else (
-            1.0,
-            unknown("gyro unit", "the sensor moves, and no receiver shows how"),
+    findings = [
+        answer(
+            "accelerometer unit", force_unit, confidence if at_rest else 0.5 * confidence, evidence
         )
-    )
+    ]
+    gyro_factor, gyro = 1.0, unknown("gyro unit", "the sensor moves, and no receiver shows how")
+    if at_rest:
+        gyro_factor, gyro = _gyro_unit(imu)
     findings.append(gyro)
     if gyro_factor == DEG_S:
         units["gyro"] = gyro.found
@@ -149,31 +148,26 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     if not sensing.rest_s:
         return (stationary,)
     axis = int(np.argmax(np.abs(sensing.mean_accel)))
-    lean = float(np.degrees(np.arccos(abs(sensing.mean_accel[axis]) / sensing.gravity)))
-    sense = "up" if sensing.mean_accel[axis] > 0.0 else "down"
+    tilt_deg = float(np.degrees(np.arccos(abs(sensing.mean_accel[axis]) / sensing.gravity)))
+    direction = "up" if sensing.mean_accel[axis] > 0.0 else "down"
     vertical = answer(
         "vertical axis",
-        f"{'xyz'[axis]} {sense}",
-        MOST_CONFIDENCE if lean < 30.0 else 0.6,
-        f"{lean:.1f} deg off the vertical at rest",
+        f"{'xyz'[axis]} {direction}",
+        MOST_CONFIDENCE if tilt_deg < 30.0 else 0.6,
+        f"{tilt_deg:.1f} deg off the vertical at rest",
     )
     if counts:
-        return (
-            stationary,
-            vertical,
-            unknown("Earth rate", "the unit of the gyros is not known"),
-        )
-    return stationary, vertical, _earth(sensing.mean_gyro, sensing)
+        return (stationary, vertical, unknown("Earth rate", "the unit of the gyros is not known"))
+    return stationary, vertical, _earth_rate_finding(sensing.mean_gyro, sensing)
 
 
-def _earth(mean: Array, sensing: Sensing) -> Finding:
-    size, error = (
-        float(np.linalg.norm(mean)),
-        float(np.linalg.norm(sensing.rest_gyro)) / np.sqrt(sensing.rest_s),
-    )
+def _earth_rate_finding(mean_gyro: Array, sensing: Sensing) -> Finding:
+    """Return whether the mean rate at rest (3,), rad/s, shows the Earth's rotation."""
+    rate = float(np.linalg.norm(mean_gyro))
+    sigma = float(np.linalg.norm(sensing.rest_gyro)) / np.sqrt(sensing.rest_s)
     deg_h = np.degrees(3600.0)
     evidence = (
-        f"mean rate at rest {size * deg_h:.2f} deg/h +- {error * deg_h:.2g} by its noise; the"
+        f"mean rate at rest {rate * deg_h:.2f} deg/h +- {sigma * deg_h:.2g} by its noise; the"
         f" Earth's is {EARTH_RATE * deg_h:.2f}"
     )
     if sensing.sees_earth:

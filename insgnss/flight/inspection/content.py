@@ -63,7 +63,7 @@ def draft_flight(
     site = by_role["imu"].site
     raw_gnss = rinex is not None and not rinex.missing and site is None and gnss is None
     rover = rinex.rover if rinex is not None and raw_gnss else None
-    of_rover = 0 if rover is None else rover.events
+    rover_events = 0 if rover is None else rover.events
     if rinex is not None and rinex.missing and site is None and gnss is None:
         return None, f"no fixes of a receiver, and the RINEX files lack {rinex.missing}"
     if gnss is None and site is None and not raw_gnss:
@@ -93,13 +93,13 @@ def draft_flight(
         source = by_role["events"]
         for key in ("columns", "units", "time_scale"):
             if key in source.keys:
-                why = source.why[key]
-                draft.add("camera", key, source.keys[key], why, why != SCALE_OPEN)
+                reason = source.why[key]
+                draft.add("camera", key, source.keys[key], reason, reason != SCALE_OPEN)
         draft.add("camera", "clock", *recorded.event_clock)
-    elif of_rover:
-        text = f"{of_rover} camera events are in the rover's file; name their images"
+    elif rover_events:
+        text = f"{rover_events} camera events are in the rover's file; name their images"
         draft.add("camera", "images", "photos", text, False)
-    _mounting(draft, "events" in by_role or bool(of_rover))
+    _mounting(draft, "events" in by_role or bool(rover_events))
     if gnss is not None or raw_gnss:
         _filter(draft, gnss, recognition)
     draft.add("output", "directory", "results")

@@ -94,7 +94,7 @@ def discover(paths: Sequence[Path]) -> Discovery:
                 continue
             sources += file_sources
             if not file_sources:
-                left_out.append(LeftOut(file, _why_not(file)))
+                left_out.append(LeftOut(file, _refusal_reason(file)))
     return Discovery(tuple(_exposures_apart(sources)), tuple(left_out))
 
 
@@ -142,7 +142,8 @@ def _walk(root: Path) -> Iterator[Path]:
                 yield entry
 
 
-def _why_not(path: Path) -> str:
+def _refusal_reason(path: Path) -> str:
+    """Return why a file is no input, for the list of what was left out."""
     suffix = path.suffix.lower()
     if suffix in RAW_OBSERVATIONS or (
         len(suffix) == 4 and suffix[1:3].isdigit() and suffix[3] in "onghp"
@@ -194,7 +195,7 @@ def _known_log(path: Path) -> list[InputSource] | None:
         del logs["gnss" if path.stem.lower().endswith("_events") else "events"]
     if not logs:
         return None
-    sources = [_of_log(path, role, form) for role, form in logs.items()]
+    sources = [_sources_of_log(path, role, form) for role, form in logs.items()]
     if FLIGHT_LOGS.isdisjoint(logs.values()):
         return sources[:1]  # a log of $AIMU sentences looks like one of NMEA
     names = {table.name.partition("[")[0] for table in describe(path) if table.rows}
@@ -205,7 +206,8 @@ def _known_log(path: Path) -> list[InputSource] | None:
     ]
 
 
-def _of_log(path: Path, role: Role, form: str) -> InputSource:
+def _sources_of_log(path: Path, role: Role, form: str) -> InputSource:
+    """Return the source of one role in a flight log, with the keys that it lacks."""
     reader, entry = READERS[role][form], Keys()
     lacks = reader.lacks.split()
     if form == "nmea" and any(table.name.endswith("GST") for table in describe(path)):

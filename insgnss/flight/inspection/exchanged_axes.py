@@ -37,11 +37,7 @@ def right_handed(
     exchange = of_axes(recognition.exchanges, usual) or recognition.exchanges[0]
     keys, (a, b) = source.keys, exchange.words
     columns = exchanged_columns(
-        source.path,
-        exchange.pair,
-        keys.get("columns"),
-        keys.get("rate_hz"),
-        keys.get("accel_file"),
+        source.path, exchange.pair, keys.get("columns"), keys.get("rate_hz"), keys.get("accel_file")
     )
     finding = (
         f"left-handed: {a} and {b} are exchanged in gyro and accelerometer alike, or one of their"

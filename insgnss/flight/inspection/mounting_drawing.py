@@ -116,23 +116,23 @@ def drawn_as_svg(camera_from_body: ArrayLike, antenna_m: ArrayLike, imu_m: Array
 def _view(
     title: str, view: Array, centre: Array, T: Array, places: dict[str, Array], scale: float
 ) -> list[str]:
-    """The elements of one view."""
-    x, y = centre
-    parts = [f'<text x="{x:.0f}" y="16" text-anchor="middle">{title}</text>']
+    """Return the SVG elements of one view: axes, camera axes and mounted sensors."""
+    centre_x, centre_y = centre
+    elements = [f'<text x="{centre_x:.0f}" y="16" text-anchor="middle">{title}</text>']
     for k, name in enumerate(("forward", "right", "down")):
-        parts += _arrow(view @ np.eye(3)[k], centre, name, COLOURS["axes"], 1.25)
+        elements += _arrow(view @ np.eye(3)[k], centre, name, COLOURS["axes"], 1.25)
     for row, name in zip(T, "xyz", strict=True):
-        parts += _arrow(view @ row, centre, f"{name} camera", COLOURS["camera"], 0.75)
-    for name, b in places.items():
-        px, py = centre + scale * (view @ b)
-        parts.append(
-            f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{px:.1f}" y2="{py:.1f}"'
+        elements += _arrow(view @ row, centre, f"{name} camera", COLOURS["camera"], 0.75)
+    for name, position_b in places.items():
+        end_x, end_y = centre + scale * (view @ position_b)
+        elements.append(
+            f'<line x1="{centre_x:.1f}" y1="{centre_y:.1f}" x2="{end_x:.1f}" y2="{end_y:.1f}"'
             f' stroke="{COLOURS[name]}" stroke-dasharray="3 3"/>'
-            f'<circle cx="{px:.1f}" cy="{py:.1f}" r="{MARKER}" fill="{COLOURS[name]}"/>'
-            f'<text x="{px + 8:.1f}" y="{py + (14 if name == "imu" else -6):.1f}"'
-            f' fill="{COLOURS[name]}">{name} {np.linalg.norm(b):.3f} m</text>'
+            f'<circle cx="{end_x:.1f}" cy="{end_y:.1f}" r="{MARKER}" fill="{COLOURS[name]}"/>'
+            f'<text x="{end_x + 8:.1f}" y="{end_y + (14 if name == "imu" else -6):.1f}"'
+            f' fill="{COLOURS[name]}">{name} {np.linalg.norm(position_b):.3f} m</text>'
         )
-    return parts
+    return elements
 
 
 def _arrow(direction: Array, centre: Array, name: str, colour: str, length: float) -> list[str]:

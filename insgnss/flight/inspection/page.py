@@ -127,8 +127,8 @@ def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
         noises.append(("moving", s.moving_gyro, s.moving_accel))
     for state, gyro, accel in noises:
         yield (
-            f"white noise {state}: gyro {_three(gyro / factor)} {unit}/sqrt(Hz), accelerometer"
-            f" {_three(accel / MILLI_G)} mg/sqrt(Hz)"
+            f"white noise {state}: gyro {_three_numbers(gyro / factor)} {unit}/sqrt(Hz),"
+            f" accelerometer {_three_numbers(accel / MILLI_G)} mg/sqrt(Hz)"
         )
     if not s.rest_s:
         yield "no stationary period of a second"
@@ -138,7 +138,7 @@ def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
         f"at rest {s.rest_s:.0f} s in {len(s.stationary)} stationary"
         f" periods{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2,"
         f" {'xyz'[axis]} points {'up' if s.mean_accel[axis] > 0 else 'down'}; mean rate"
-        f" {_three(s.mean_gyro / factor)} {unit}"
+        f" {_three_numbers(s.mean_gyro / factor)} {unit}"
     )
     if s.sees_earth:
         size = float(np.linalg.norm(s.mean_gyro))
@@ -148,7 +148,7 @@ def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
         )
 
 
-def _three(x: np.ndarray) -> str:
+def _three_numbers(x: np.ndarray) -> str:
     return " ".join(f"{v:.3g}" for v in x)
 
 

@@ -215,8 +215,8 @@ def _choose(
     imu = samples[0]
     return (
         imu,
-        _belonging(discovery, "gnss", imu, where),
-        _belonging(discovery, "events", imu, where),
+        _matching_source(discovery, "gnss", imu, where),
+        _matching_source(discovery, "events", imu, where),
     )
 
 
@@ -236,7 +236,7 @@ def _listed(discovery: Discovery) -> str:
     return some(names, MOST_LISTED, "; ")
 
 
-def _belonging(
+def _matching_source(
     discovery: Discovery, role: Role, imu: InputSource, where: str
 ) -> InputSource | None:
     """The one source of a role; of several the one in the IMU's file."""

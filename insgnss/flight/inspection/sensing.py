@@ -203,14 +203,21 @@ def _third_differences(
 
     Gaps are left out.
     """
-    d3 = values[3:] - 3.0 * values[2:-1] + 3.0 * values[1:-2] - values[:-3]
-    whole = time[3:] - time[:-3] < 4.5 * dt
-    d3 = d3[whole]
-    size = max(20, min(round(QUIETEST_S / dt), len(d3)))
-    n = len(d3) // size
-    if n == 0:
+    differences = values[3:] - 3.0 * values[2:-1] + 3.0 * values[1:-2] - values[:-3]
+    without_gap = time[3:] - time[:-3] < 4.5 * dt
+    differences = differences[without_gap]
+    block_size = max(20, min(round(QUIETEST_S / dt), len(differences)))
+    block_count = len(differences) // block_size
+    if block_count == 0:
         return np.zeros(values.shape[1])
-    blocks = np.sqrt(np.mean(d3[: n * size].reshape(n, size, -1) ** 2, axis=1) / 20.0 * dt)
+    blocks = np.sqrt(
+        np.mean(
+            differences[: block_count * block_size].reshape(block_count, block_size, -1) ** 2,
+            axis=1,
+        )
+        / 20.0
+        * dt
+    )
     return np.asarray(pick(blocks))
 
 

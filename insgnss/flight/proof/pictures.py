@@ -29,17 +29,17 @@ POINT_LETTERS_PX, NAME_LETTERS_PX = 16, 40  # heights of the letters
 
 
 def write_pictures(scene: Scene, directory: Path) -> list[Path]:
-    """Write every image of the scene; the files."""
+    """Write every image of the scene (TIFF); return the files."""
     spots = np.random.default_rng(46).uniform(-1.0, 1.0, (len(SPOTS_M), LATTICE, LATTICE))
     files = []
-    for k, name in enumerate(scene.eo.images):
-        picture = _ground(scene.eo.C_mc[k], scene.eo.position_m[k], spots)
-        drawn = zip(scene.names, scene.pixels[k], scene.visible[k], strict=True)
-        for point, (x, y), visible in drawn:
+    for index, name in enumerate(scene.eo.images):
+        picture = _ground(scene.eo.C_mc[index], scene.eo.position_m[index], spots)
+        drawn = zip(scene.names, scene.pixels[index], scene.visible[index], strict=True)
+        for point, (column, row), visible in drawn:
             if visible:
-                _cross(picture, x, y)
-                _write(picture, point, int(x) + ARM_PX + 4, int(y) + 5, POINT_LETTERS_PX)
-        _write(picture, name.upper(), 20, 20, NAME_LETTERS_PX)
+                _draw_cross(picture, column, row)
+                _draw_text(picture, point, int(column) + ARM_PX + 4, int(row) + 5, POINT_LETTERS_PX)
+        _draw_text(picture, name.upper(), 20, 20, NAME_LETTERS_PX)
         files.append(directory / name)
         atomic_write(files[-1], tiff(np.clip(np.round(picture), 0, 255).astype(np.uint8)))
     return files
@@ -73,36 +73,43 @@ def _ground(C_mc: Array, centre: Array, spots: Array) -> Picture:
             east, north = above[0] + way * ray[..., 0], above[1] + way * ray[..., 1]
             up = terrain(east, north)
         out[top : top + len(y)] = GREY + CONTRAST * sum(
-            _mottled(s, east / m, north / m) for s, m in zip(spots, SPOTS_M, strict=True)
+            _lattice_grey(s, east / m, north / m) for s, m in zip(spots, SPOTS_M, strict=True)
         )
     return out
 
 
-def _mottled(values: Array, u: Array, v: Array) -> Array:
-    """Bilinear in a lattice that repeats itself."""
-    i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-    a, b = u - i, v - j
-    i, j = i % LATTICE, j % LATTICE
-    k, m = (i + 1) % LATTICE, (j + 1) % LATTICE
+def _lattice_grey(values: Array, u: Array, v: Array) -> Array:
+    """Return grey values at (u, v), bilinear in a lattice that repeats itself."""
+    row, column = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+    row_share, column_share = u - row, v - column
+    row, column = row % LATTICE, column % LATTICE
+    next_row, next_column = (row + 1) % LATTICE, (column + 1) % LATTICE
     return np.asarray(
-        (1 - a) * ((1 - b) * values[i, j] + b * values[i, m])
-        + a * ((1 - b) * values[k, j] + b * values[k, m])
+        (1 - row_share)
+        * ((1 - column_share) * values[row, column] + column_share * values[row, next_column])
+        + row_share
+        * (
+            (1 - column_share) * values[next_row, column]
+            + column_share * values[next_row, next_column]
+        )
     )
 
 
-def _cross(picture: Picture, x: float, y: float) -> None:
-    """White arms with black edges, the middle at x, y."""
-    x_first, top = max(int(x) - ARM_PX, 0), max(int(y) - ARM_PX, 0)
-    window = picture[top : int(y) + ARM_PX + 1, x_first : int(x) + ARM_PX + 1]
-    dx = np.abs(x_first + np.arange(window.shape[1]) + 0.5 - x)
+def _draw_cross(picture: Picture, x: float, y: float) -> None:
+    """Draw white arms with black edges, their middle at (x, y), px."""
+    left, top = max(int(x) - ARM_PX, 0), max(int(y) - ARM_PX, 0)
+    window = picture[top : int(y) + ARM_PX + 1, left : int(x) + ARM_PX + 1]
+    dx = np.abs(left + np.arange(window.shape[1]) + 0.5 - x)
     dy = np.abs(top + np.arange(window.shape[0]) + 0.5 - y)
     for half, grey in ((HALF_PX + 1.5, 0.0), (HALF_PX, 255.0)):
-        across, along = (np.clip(half + 0.5 - d, 0.0, 1.0) for d in (dx, dy))
-        covered = np.maximum(across[None, :], along[:, None])
+        width_cover, height_cover = (
+            np.clip(half + 0.5 - distance, 0.0, 1.0) for distance in (dx, dy)
+        )
+        covered = np.maximum(width_cover[None, :], height_cover[:, None])
         window[:] = (1.0 - covered) * window + covered * grey
 
 
-def _write(picture: Picture, text: str, x: int, y: int, height: int) -> None:
+def _draw_text(picture: Picture, text: str, x: int, y: int, height: int) -> None:
     """Black letters of `height` pixels on a white field, as far as they lie in the picture."""
     from PIL import Image, ImageDraw, ImageFont
 

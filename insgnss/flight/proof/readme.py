@@ -90,40 +90,42 @@ ADJUSTED = (
 def readme(
     scene: Scene,
     name: str,
-    form: Export,
-    done: Exported,
+    export_format: Export,
+    exported: Exported,
     frame: str,
     projection: MapProjection | None,
     ground_m: float | None,
 ) -> str:
     """Text of README.txt; frame in words."""
-    file = done.file.name
-    least = int(scene.visible.sum(axis=0).min())
+    file = exported.file.name
+    fewest_images = int(scene.visible.sum(axis=0).min())
     parts = [
-        f"Proof of the format {name}: {form.what}",
+        f"Proof of the format {name}: {export_format.what}",
         (
             f"{len(scene.eo.images)} images of a synthetic field, {len(scene.names)} marked points,"
-            f" each in {least} images at least. A tool that takes {file} as it is meant, with this"
-            " camera, finds the points where their crosses are."
+            f" each in {fewest_images} images at least. A tool that takes {file} as it is meant,"
+            " with this camera, finds the points where their crosses are."
         ),
         _files(name, file),
         "What to do",
-        _of(SEE, name) or TO_DO.format(file=file, spec=form.page, frame=frame),
-        _of(LOOK, name),
+        _text_of_format(SEE, name) or TO_DO.format(file=file, spec=export_format.page, frame=frame),
+        _text_of_format(LOOK, name),
         "What to see",
         _expected(scene, projection, ground_m),
         (
             "What mistakes look like (median residual of the points in this scene, before any"
             " adjustment)"
         ),
-        "\n".join(_line(mistake, px) for mistake, px in mistakes(scene, projection)),
+        "\n".join(
+            _line(mistake, residual_px) for mistake, residual_px in mistakes(scene, projection)
+        ),
         ADJUSTED,
-        *(f"Note: {note}" for note in done.notes),
+        *(f"Note: {note}" for note in exported.notes),
     ]
     return "\n\n".join(_wrapped(paragraph) for paragraph in parts if paragraph) + "\n"
 
 
-def _of(names: dict[str, str], name: str) -> str:
+def _text_of_format(names: dict[str, str], name: str) -> str:
     """What belongs to the key that the name begins with, or nothing."""
     return next((text for key, text in names.items() if name.startswith(key)), "")
 

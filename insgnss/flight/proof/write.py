@@ -72,11 +72,12 @@ def write_proof(
         For an unknown format, a directory with content and what `export` refuses; InputError where
         a CRS does not reach.
     """
-    form, directory = known_format(name), Path(directory)
+    export_format, directory = known_format(name), Path(directory)
     if not is_vacant(directory):
         raise UsageError(f"{directory}: is not an empty directory; give a new one for the proof")
     usual_frame = next(
-        (kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT
+        (kind for kind in export_format.frames if kind != PROJECTED),
+        PROJECTED if export_format.frames else TANGENT,
     )
     if crs is None and (frame or usual_frame) == PROJECTED:
         crs = f"EPSG:{32601 + int((SITE_DEG[1] + 180.0) // 6.0)}"
@@ -89,27 +90,41 @@ def write_proof(
         images = work / "images"
         images.mkdir()
         write_pictures(scene, images)
-        done = export(scene.eo, name, work / form.product, target, **_options(name, form, images))
+        exported = export(
+            scene.eo,
+            name,
+            work / export_format.product,
+            target,
+            **_options(name, export_format, images),
+        )
         heights = {
             PROJECTED: projection.heights if projection is not None else "",
             GEOGRAPHIC: "above the ellipsoid of WGS84",
         }.get(kind)
-        frame_text, up = _tangent(scene, form) if kind == TANGENT else (done.frame, 0.0)
+        frame_text, up = (
+            _tangent(scene, export_format) if kind == TANGENT else (exported.frame, 0.0)
+        )
         frame_text = f"{frame_text}, heights {heights}" if heights else frame_text
-        side = {
-            "README.txt": readme(scene, name, form, done, frame_text, projection, ground_m),
-            **_beside(scene, kind, projection, frame_text, up),
+        companions = {
+            "README.txt": readme(
+                scene, name, export_format, exported, frame_text, projection, ground_m
+            ),
+            **_companion_texts(scene, kind, projection, frame_text, up),
         }
-        for file, text in side.items():
+        for file, text in companions.items():
             atomic_write(work / file, text)
-    first = [directory / file for file in (form.product, "README.txt")]
+    first_files = [directory / file for file in (export_format.product, "README.txt")]
     return (
-        *first,
-        *(file for file in sorted(directory.rglob("*")) if file.is_file() and file not in first),
+        *first_files,
+        *(
+            file
+            for file in sorted(directory.rglob("*"))
+            if file.is_file() and file not in first_files
+        ),
     )
 
 
-def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
+def _options(name: str, export_format: Export, images: Path) -> dict[str, Any]:
     """What the format asks for, of this scene."""
     values: dict[str, Any] = {
         "focal_mm": 1e-3 * PIXEL_UM * FOCAL_PX,
@@ -120,13 +135,13 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
         "images": "images" if name == "opf" else images,
         "lever_m": LEVER_C,
     }
-    if "ground_m" in form.needs:  # of kml it belongs to heights above the ground
+    if "ground_m" in export_format.needs:  # of kml it belongs to heights above the ground
         values["ground_m"] = GROUND_M
-    if "camera" in form.needs:
+    if "camera" in export_format.needs:
         values["camera"] = CAMERA_LINE
-    if "noise" in form.needs:
+    if "noise" in export_format.needs:
         values["noise"] = NOISE
-    return {key: values[key] for key in form.options if key in values}
+    return {key: values[key] for key in export_format.options if key in values}
 
 
 def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
@@ -136,7 +151,7 @@ def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
     return framed.frame.name, eo.frame.origin[2] - framed.frame.origin[2]
 
 
-def _beside(
+def _companion_texts(
     scene: Scene, kind: str, projection: MapProjection | None, frame: str, up: float
 ) -> dict[str, str]:
     """Points in the frame of the export and on the globe, their pixels, the camera, by file name.

@@ -130,33 +130,41 @@ def propagate(problem: EstimationProblem, epoch: int, state: NominalState) -> Re
         Nominal at `epoch`, transition and process noise.
     """
     inc, epochs, layout = problem.inc, problem.epochs, problem.layout
-    Omega, g0, start = earth_rate(problem), gravity(problem.frame, state.p), state.p
+    Omega, gravity_start, start = earth_rate(problem), gravity(problem.frame, state.p), state.p
     white = layout.white + 2.0 * layout.quantization**2 / problem.aiding_interval_s
     identity = np.eye(layout.size)
     Phi, Q, M = identity, np.zeros((layout.size,) * 2), np.zeros((layout.size, 6))
     elapsed = float(epochs.time[epoch - 1])
     last_two = epochs.time[epoch - 1 : epoch + 1], epochs.temperature[epoch - 1 : epoch + 1]
-    for i in range(epochs.stop[epoch - 1], epochs.stop[epoch]):
-        pieces = max(1, int(np.ceil(inc.dt[i] / LONGEST_SAMPLE_S - 1e-6)))
-        h, rates = inc.dt[i] / pieces, np.concatenate([inc.dtheta[i], inc.dvel[i]]) / inc.dt[i]
+    for sample in range(epochs.stop[epoch - 1], epochs.stop[epoch]):
+        pieces = max(1, int(np.ceil(inc.dt[sample] / LONGEST_SAMPLE_S - 1e-6)))
+        step_s, rates = (
+            inc.dt[sample] / pieces,
+            np.concatenate([inc.dtheta[sample], inc.dvel[sample]]) / inc.dt[sample],
+        )
         for _ in range(pieces):
-            half_decay = np.exp(-0.5 * h * layout.beta)
-            middle = elapsed + 0.5 * h
+            half_decay = np.exp(-0.5 * step_s * layout.beta)
+            middle = elapsed + 0.5 * step_s
             U = influence(layout, middle, float(np.interp(middle, *last_two)), rates)
             corrected = rates - U @ (half_decay * state.x)
-            g = g0 + GRAVITY_GRADIENT @ (state.p - start)
-            after = advance(
-                state, h * corrected[GYRO_CHANNELS], h * corrected[ACCEL_CHANNELS], h, g, Omega
+            gravity_now = gravity_start + GRAVITY_GRADIENT @ (state.p - start)
+            advanced = advance(
+                state,
+                step_s * corrected[GYRO_CHANNELS],
+                step_s * corrected[ACCEL_CHANNELS],
+                step_s,
+                gravity_now,
+                Omega,
             )
-            C_middle = 0.5 * (state.C_lb + after.C_lb)
+            C_middle = 0.5 * (state.C_lb + advanced.C_lb)
             A, W, B = continuous(layout, C_middle, corrected[ACCEL_CHANNELS], U, Omega, white)
-            F = identity + h * A + 0.5 * h**2 * (A @ A)  # (T.10)
-            Q = F @ (Q + 0.5 * h * W) @ F.T + 0.5 * h * W  # (T.11, T.12)
-            Phi, M = F @ Phi, F @ M + h * B
-            state = NominalState(after.p, after.v, after.C_lb, half_decay**2 * state.x)
-            elapsed += h
-    q = epochs.gap[epoch] / (epochs.time[epoch] - epochs.time[epoch - 1]) ** 2
-    Q = Q + (M * q) @ M.T  # (T.13)
+            F = identity + step_s * A + 0.5 * step_s**2 * (A @ A)  # (T.10)
+            Q = F @ (Q + 0.5 * step_s * W) @ F.T + 0.5 * step_s * W  # (T.11, T.12)
+            Phi, M = F @ Phi, F @ M + step_s * B
+            state = NominalState(advanced.p, advanced.v, advanced.C_lb, half_decay**2 * state.x)
+            elapsed += step_s
+    gap_density = epochs.gap[epoch] / (epochs.time[epoch] - epochs.time[epoch - 1]) ** 2
+    Q = Q + (M * gap_density) @ M.T  # (T.13)
     constant = np.flatnonzero((layout.factor == BIAS) & (layout.beta == 0.0))  # (T.14)
     Q[9 + constant, 9 + constant] += epochs.bias_step[epoch, layout.channel[constant]]
     return ReferenceInterval(state, Phi, Q)

@@ -109,7 +109,7 @@ def compare_images(
     """
     from ..processing.orientation.poses import orient_images
 
-    if reason := _unknown(flight, recording, segment):
+    if reason := _unsupported_model(flight, recording, segment):
         return PoseAgreement(reason=reason)
     try:
         eo = orient_images(flight, recording, [segment], ())
@@ -133,11 +133,11 @@ def compare_images(
     return PoseAgreement(len(eo.images), tuple(rows))
 
 
-def _unknown(flight: "Flight", recording: "Recording", segment: "Segment") -> str:
-    """Return what of a flight the independent path does not know; empty where nothing."""
+def _unsupported_model(flight: "Flight", recording: "Recording", segment: "Segment") -> str:
+    """Return what of a flight the independent path does not model; empty where nothing."""
     solution, layout = segment.solution, segment.solution.problem.layout
     groups = {"bias", *(f"GM {k}" for k in range(1, 10)), LEVER_ARM, TIME_OFFSET.group}
-    if foreign := [str(one) for one in layout.states if one.group not in groups]:
+    if foreign := [str(state) for state in layout.states if state.group not in groups]:
         return f"{foreign[0]} is estimated"
     sensors = np.delete(solution.verdict == USED, POSITION_ROW, axis=1)
     if sensors.any():
@@ -155,10 +155,10 @@ def _unknown(flight: "Flight", recording: "Recording", segment: "Segment") -> st
     if corrected or (scales != 1.0).any():
         return "the flight corrected the noise of its sensors"
     sigma = dict(zip(layout.states, layout.sigma0.tolist(), strict=True))
-    stated = antenna_sigmas(flight.mounting.antenna_sigma_m)
+    stated_sigmas = antenna_sigmas(flight.mounting.antenna_sigma_m)
     freed = [
-        sigma.get(one, 0.0) > 1.01 * of_axis
-        for one, of_axis in zip(OF_LEVER_ARM, stated, strict=True)
+        sigma.get(state, 0.0) > 1.01 * of_axis
+        for state, of_axis in zip(OF_LEVER_ARM, stated_sigmas, strict=True)
     ]
     if any(freed) and not flight.filter.lever_arm:
         return "the flight contradicts its lever arm, which either way would then estimate"

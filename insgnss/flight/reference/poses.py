@@ -122,16 +122,16 @@ def rotation_vector(C: Array) -> Array:
     return axis * scale[..., None]
 
 
-def gravity(r: Array) -> Array:
+def gravity(position_e: Array) -> Array:
     """Return gravitation with J2 and J4 and the centrifugal acceleration at r (3,) in e, m/s^2."""
-    size = float(np.linalg.norm(r))
-    s2, flat = (r[2] / size) ** 2, (EQUATOR_M / size) ** 2
+    distance = float(np.linalg.norm(position_e))
+    s2, flat = (position_e[2] / distance) ** 2, (EQUATOR_M / distance) ** 2
     level, polar = 1.0 - 5.0 * s2, 3.0 - 5.0 * s2
     second = 1.5 * EARTH_J2 * flat * np.array([level, level, polar])
     level, polar = 1.0 - 14.0 * s2 + 21.0 * s2**2, 5.0 - 70.0 / 3.0 * s2 + 21.0 * s2**2
     fourth = -1.875 * EARTH_J4 * flat**2 * np.array([level, level, polar])
-    attraction = -EARTH_GM / size**3 * r * (1.0 + second + fourth)
-    return attraction - np.cross(EARTH_SPIN, np.cross(EARTH_SPIN, r))
+    attraction = -EARTH_GM / distance**3 * position_e * (1.0 + second + fourth)
+    return attraction - np.cross(EARTH_SPIN, np.cross(EARTH_SPIN, position_e))
 
 
 def ned_axes(lat: float, lon: float) -> Array:
@@ -168,23 +168,23 @@ def increments_at(imu: ImuSamples, C_b_imu: Array, times: Array) -> tuple[Array,
 
 def first_attitude(grid: Array, steps: Array, time: Array, r: Array) -> Array:
     """Return C of the first instant by Wahba's problem, from fixes at `time` and positions r."""
-    turns = np.empty((grid.size, 3, 3))
-    turns[0] = np.eye(3)
-    for k, step in enumerate(steps):
-        turns[k + 1] = turns[k] @ turn(step[:3])
-    pushed = np.einsum("kij,kj->ki", turns[:-1], steps[:, 3:])
+    rotations = np.empty((grid.size, 3, 3))
+    rotations[0] = np.eye(3)
+    for index, step in enumerate(steps):
+        rotations[index + 1] = rotations[index] @ turn(step[:3])
+    rotated_force = np.einsum("kij,kj->ki", rotations[:-1], steps[:, 3:])
     middle = 0.5 * (grid[1:] + grid[:-1])
     B = np.zeros((3, 3))
     for start in np.arange(time[0] + DIFFERENCE_S, time[-1] - DIFFERENCE_S, DIFFERENCE_S):
         weight = np.clip(1.0 - np.abs(middle - start) / DIFFERENCE_S, 0.0, None) / DIFFERENCE_S
-        before, middle_r, after = (
-            np.array([np.interp(start + s, time, column) for column in r.T])
-            for s in (-DIFFERENCE_S, 0.0, DIFFERENCE_S)
+        position_before, middle_r, position_after = (
+            np.array([np.interp(start + shift, time, column) for column in r.T])
+            for shift in (-DIFFERENCE_S, 0.0, DIFFERENCE_S)
         )
-        acceleration = (after - 2.0 * middle_r + before) / DIFFERENCE_S**2
-        v = (after - before) / (2.0 * DIFFERENCE_S)
-        force = acceleration - gravity(middle_r) + 2.0 * np.cross(EARTH_SPIN, v)
-        B += np.outer(force, weight @ pushed)
+        acceleration = (position_after - 2.0 * middle_r + position_before) / DIFFERENCE_S**2
+        velocity = (position_after - position_before) / (2.0 * DIFFERENCE_S)
+        force = acceleration - gravity(middle_r) + 2.0 * np.cross(EARTH_SPIN, velocity)
+        B += np.outer(force, weight @ rotated_force)
     U, _, Vt = np.linalg.svd(B)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
 
@@ -274,28 +274,30 @@ def _update(model: _TransitionModel, s: _State, P: Array, fix: _FixInEcef) -> tu
 
 def _smooth(
     model: _TransitionModel,
-    first: _State,
+    initial: _State,
     sigma: Array,
-    marks: Array,
+    instants: Array,
     grid: Array,
     steps: Array,
     fixes: dict[float, _FixInEcef],
 ) -> tuple[list[_State], list[Array]]:
     """Filter forward and smooth backward over the marks (Rauch, Tung and Striebel 1965)."""
-    s, P, k = first, np.diag(sigma**2), 0
+    s, P, sample = initial, np.diag(sigma**2), 0
     filtered: list[tuple[_State, Array]] = []
-    ahead: list[tuple[_State, Array, Array]] = []
-    for mark in marks:
+    predictions: list[tuple[_State, Array, Array]] = []
+    for instant in instants:
         Phi = np.eye(model.size)
-        while grid[k] < mark:
-            s, P, one = model.step(s, float(grid[k + 1] - grid[k]), steps[k], P)
-            Phi, k = one @ Phi, k + 1
-        ahead.append((s, P, Phi))
-        if (fix := fixes.get(float(mark))) is not None:
+        while grid[sample] < instant:
+            s, P, increment_Phi = model.step(
+                s, float(grid[sample + 1] - grid[sample]), steps[sample], P
+            )
+            Phi, sample = increment_Phi @ Phi, sample + 1
+        predictions.append((s, P, Phi))
+        if (fix := fixes.get(float(instant))) is not None:
             s, P = _update(model, s, P, fix)
         filtered.append((s, P))
     states, covariances = [filtered[-1][0]], [filtered[-1][1]]
-    for (s, P), (predicted, P_ahead, Phi) in zip(filtered[-2::-1], ahead[:0:-1], strict=True):
+    for (s, P), (predicted, P_ahead, Phi) in zip(filtered[-2::-1], predictions[:0:-1], strict=True):
         scale = np.sqrt(np.diag(P_ahead))  # states of metres and of microradians
         scale[scale == 0.0] = 1.0
         whitened = P_ahead / np.outer(scale, scale)
@@ -325,33 +327,37 @@ def image_poses(
     progress : gets which pass runs.
     """
     keep = (fixes.time >= span[0]) & (fixes.time <= span[1])
-    time, r = fixes.time[keep], ecef(fixes.lat[keep], fixes.lon[keep], fixes.height[keep])
+    time, position_e = fixes.time[keep], ecef(fixes.lat[keep], fixes.lon[keep], fixes.height[keep])
     axes = [ned_axes(*of_fix) for of_fix in zip(fixes.lat[keep], fixes.lon[keep], strict=True)]
     measured = {
-        float(t): _FixInEcef(fix_r, A.T @ cov @ A)
-        for t, fix_r, A, cov in zip(time, r, axes, fixes.cov_ned[keep], strict=True)
+        float(fix_time): _FixInEcef(fix_r, A.T @ cov @ A)
+        for fix_time, fix_r, A, cov in zip(time, position_e, axes, fixes.cov_ned[keep], strict=True)
     }
     marks = np.union1d(time, exposures)
     grid, steps = increments_at(imu, setup.C_b_imu, marks)
     count = int((grid <= marks[0] + ALIGN_S).sum())
-    near = time <= marks[0] + ALIGN_S
-    C = first_attitude(grid[:count], steps[: count - 1], time[near], r[near])
+    aligning = time <= marks[0] + ALIGN_S
+    C = first_attitude(grid[:count], steps[: count - 1], time[aligning], position_e[aligning])
     model = _TransitionModel(setup)
     later = int(np.searchsorted(time, time[0] + 1.0))
-    v = (r[later] - r[0]) / (time[later] - time[0])
+    velocity = (position_e[later] - position_e[0]) / (time[later] - time[0])
     zero, sigma = np.zeros(model.size - 9), model.sigma
-    first = _State(r[0] - C @ setup.antenna_b, v, C, zero)
+    initial = _State(position_e[0] - C @ setup.antenna_b, velocity, C, zero)
     for number in range(1, MOST_PASSES + 1):
         progress(f"independent poses, pass {number} of {MOST_PASSES}")
-        states, covariances = _smooth(model, first, sigma, marks, grid, steps, measured)
-        first = _State(states[0].r, states[0].v, states[0].C, zero)
+        states, covariances = _smooth(model, initial, sigma, marks, grid, steps, measured)
+        initial = _State(states[0].r, states[0].v, states[0].C, zero)
         sigma = model.sigma.copy()
         sigma[:9] = LATER_SIGMAS * np.sqrt(np.diag(covariances[0])[:9])
     chosen = np.searchsorted(marks, exposures)
-    return _posed(setup, [states[k] for k in chosen], [covariances[k] for k in chosen])
+    return _camera_poses(
+        setup, [states[row] for row in chosen], [covariances[row] for row in chosen]
+    )
 
 
-def _posed(setup: Setup, states: Sequence[_State], covariances: Sequence[Array]) -> PosedImages:
+def _camera_poses(
+    setup: Setup, states: Sequence[_State], covariances: Sequence[Array]
+) -> PosedImages:
     """Take states of the IMU to the camera and the tangent plane."""
     north, east, down = ned_axes(setup.origin[0], setup.origin[1])
     M = np.stack([east, north, -down])

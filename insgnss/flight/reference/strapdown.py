@@ -108,7 +108,7 @@ def rotation(phi: Array) -> tuple[Array, Array]:
 
 
 def advance(
-    state: NominalState, phi: Array, u: Array, h: float, g: Array, Omega: Array
+    state: NominalState, phi: Array, u: Array, dt: float, g: Array, Omega: Array
 ) -> NominalState:
     """Integrate (T.1 to T.3) over one sample; the error states stay as they are.
 
@@ -116,7 +116,7 @@ def advance(
     ----------
     state : at the sample's start.
     phi, u : (3,) rotation vector, rad, and velocity increment, m/s, in body axes, errors taken off.
-    h : length of the sample, s.
+    dt : length of the sample, s.
     g : (3,) gravity in l at the sample's start, m/s^2.
     Omega : (3,) rate of the Earth in l, rad/s.
 
@@ -125,10 +125,12 @@ def advance(
     NominalState
         At the sample's end.
     """
-    turn, J = rotation(phi)
-    earth, half_earth = rotation(-h * Omega)[0], rotation(-0.5 * h * Omega)[0]
+    body_rotation, J = rotation(phi)
+    earth, half_earth = rotation(-dt * Omega)[0], rotation(-0.5 * dt * Omega)[0]
     sensed = half_earth @ state.C_lb @ J @ u
-    g_middle = g + GRAVITY_GRADIENT @ (0.5 * h * state.v)
-    v_middle = state.v + 0.5 * (sensed + h * g_middle)
-    v = state.v + sensed + h * (g_middle - 2.0 * cross(Omega, v_middle))
-    return NominalState(state.p + 0.5 * h * (state.v + v), v, earth @ state.C_lb @ turn, state.x)
+    g_middle = g + GRAVITY_GRADIENT @ (0.5 * dt * state.v)
+    v_middle = state.v + 0.5 * (sensed + dt * g_middle)
+    v = state.v + sensed + dt * (g_middle - 2.0 * cross(Omega, v_middle))
+    return NominalState(
+        state.p + 0.5 * dt * (state.v + v), v, earth @ state.C_lb @ body_rotation, state.x
+    )

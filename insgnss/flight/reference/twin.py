@@ -136,34 +136,42 @@ def run_forward(
     problem, start : the estimation problem and its initial state.
     nominal : states of all epochs to linearise about; None: the filter's own, with feedback.
     """
-    m, n = problem.epochs.stop.size, problem.layout.size
+    epoch_count, state_count = problem.epochs.stop.size, problem.layout.size
     kf, update = new_filter(start.mean, start.P), _Update(problem)
     state, fed_back, acceleration = NominalState.from_arrays(start.nav, start.x), False, np.zeros(3)
     states: list[NominalState] = []
-    Phi, Q, gap = np.tile(np.eye(n), (m, 1, 1)), np.zeros((m, n, n)), np.zeros((m, n))
-    means, covariances, measured = np.zeros((m, n)), np.zeros((m, n, n)), []
-    for k in through(range(m)):
-        if k:
-            interval = propagate(problem, k, states[-1])
-            state, Phi[k], Q[k] = interval.state, interval.Phi, interval.Q
-            kf.predict(F=Phi[k], Q=Q[k])
-            length = problem.epochs.time[k] - problem.epochs.time[k - 1]
+    Phi, Q, gap = (
+        np.tile(np.eye(state_count), (epoch_count, 1, 1)),
+        np.zeros((epoch_count, state_count, state_count)),
+        np.zeros((epoch_count, state_count)),
+    )
+    means, covariances, measured = (
+        np.zeros((epoch_count, state_count)),
+        np.zeros((epoch_count, state_count, state_count)),
+        [],
+    )
+    for epoch in through(range(epoch_count)):
+        if epoch:
+            interval = propagate(problem, epoch, states[-1])
+            state, Phi[epoch], Q[epoch] = interval.state, interval.Phi, interval.Q
+            kf.predict(F=Phi[epoch], Q=Q[epoch])
+            length = problem.epochs.time[epoch] - problem.epochs.time[epoch - 1]
             acceleration = (state.v - states[-1].v) / length
         if nominal is not None:
-            gap[k] = state.minus(nominal[k])
-            state, kf.x = nominal[k], kf.x + gap[k][:, None]
-        used, reset = update(kf, k, state, acceleration)
-        Q[k] += reset
+            gap[epoch] = state.minus(nominal[epoch])
+            state, kf.x = nominal[epoch], kf.x + gap[epoch][:, None]
+        used, reset = update(kf, epoch, state, acceleration)
+        Q[epoch] += reset
         fed_back = fed_back or kf.P.diagonal()[PSI].max() < FEEDBACK_RAD**2
         if nominal is None and fed_back:
-            gap[k] = -kf.x[:, 0]
-            state, kf.x = state.plus(kf.x[:, 0]), np.zeros((n, 1))
-            used = [(H, z + H @ gap[k], R) for H, z, R in used]
+            gap[epoch] = -kf.x[:, 0]
+            state, kf.x = state.plus(kf.x[:, 0]), np.zeros((state_count, 1))
+            used = [(H, z + H @ gap[epoch], R) for H, z, R in used]
         states.append(state)
-        means[k], covariances[k] = kf.x[:, 0], kf.P
+        means[epoch], covariances[epoch] = kf.x[:, 0], kf.P
         measured.append(used)
-    first = NominalState.from_arrays(start.nav, start.x).minus(states[0]) + start.mean
-    linear = LinearProblem(first, start.P + Q[0], Phi, Q, gap, measured)
+    initial_error = NominalState.from_arrays(start.nav, start.x).minus(states[0]) + start.mean
+    linear = LinearProblem(initial_error, start.P + Q[0], Phi, Q, gap, measured)
     return ForwardPass(
         states, linear, GaussianStates(means, covariances), update.nis, update.decision
     )

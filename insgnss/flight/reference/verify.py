@@ -150,7 +150,7 @@ class Verification:
         return Document(
             self.name,
             self.headline(),
-            worst_of("all differences are within their limits", bad=refusal),
+            worst_of("all differences are within their limits", severe=refusal),
             [Section(self.name, [extent, Table(rows, head, numbers=True), decided, took])],
         ).text()
 
@@ -250,10 +250,10 @@ def verify_problem(
 
 def differences(core: "Solution", twin: "TwinSolution") -> tuple[Difference, ...]:
     """Return the largest differences (T.24, T.25) of two solutions of one problem."""
-    turn = rotation_from_quaternion(twin.nav[:, 6:]) @ np.swapaxes(
+    rotation = rotation_from_quaternion(twin.nav[:, 6:]) @ np.swapaxes(
         rotation_from_quaternion(core.nav[:, 6:]), -1, -2
     )
-    moved = [twin.nav[:, :6] - core.nav[:, :6], vector_from_rotation(turn), twin.x - core.x]
+    moved = [twin.nav[:, :6] - core.nav[:, :6], vector_from_rotation(rotation), twin.x - core.x]
     error = np.hstack(moved)
     covariances = core.covariance(np.arange(core.time.size)), twin.smoothed.P
     sigmas = [np.sqrt(np.diagonal(P, axis1=1, axis2=2)) for P in covariances]
@@ -263,20 +263,23 @@ def differences(core: "Solution", twin: "TwinSolution") -> tuple[Difference, ...
         for P in covariances
     ]
     bias = (twin.x - core.x) @ M.T
-    deg, gyro, accel = 180.0 / np.pi, slice(0, 3), slice(3, 6)
+    deg_per_rad, gyro, accel = 180.0 / np.pi, slice(0, 3), slice(3, 6)
     rows = [
         _difference(
-            name, scale * of[:, columns], unit, *(scale * s[:, columns] for s in their_sigmas)
+            name,
+            scale * values[:, columns],
+            unit,
+            *(scale * sigma[:, columns] for sigma in their_sigmas),
         )
-        for name, of, columns, unit, scale, their_sigmas in (
+        for name, values, columns, unit, scale, their_sigmas in (
             ("position", error, POS, "mm", 1e3, sigmas),
             ("velocity", error, VEL, "mm/s", 1e3, sigmas),
-            ("attitude", error, PSI, "deg", deg, sigmas),
-            ("gyro bias", bias, gyro, "deg/h", 3600.0 * deg, of_bias),
+            ("attitude", error, PSI, "deg", deg_per_rad, sigmas),
+            ("gyro bias", bias, gyro, "deg/h", 3600.0 * deg_per_rad, of_bias),
             ("accelerometer bias", bias, accel, "mm/s^2", 1e3, of_bias),
         )
     ]
-    of_state, of_state_twin = (_positive(s[:, 9:]) for s in sigmas)
+    of_state, of_state_twin = (_positive(sigma[:, 9:]) for sigma in sigmas)
     in_sigmas, ratio = error[:, 9:] / of_state, of_state_twin / of_state
     rows.append(_difference("every error state", in_sigmas, "sigma", np.ones_like(ratio), ratio))
     return tuple(rows)

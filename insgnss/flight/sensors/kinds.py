@@ -89,9 +89,9 @@ def table_of(names: Names, unit: str, alone: str = "") -> tuple[TableSpec, str, 
     """
     values = " ".join(name for name in names if f"sigma_{name}" in names)
     layouts: list[str] = []
-    for held in filter(None, (alone, values)):
-        sigmas = " ".join(f"sigma_{name}" for name in held.split())
-        layouts += [f"tow {held}", f"tow {held} {sigmas}"]
+    for columns in filter(None, (alone, values)):
+        sigmas = " ".join(f"sigma_{name}" for name in columns.split())
+        layouts += [f"tow {columns}", f"tow {columns} {sigmas}"]
     spec = TableSpec(
         {**TIME, **names},
         required="tow" if alone else layouts[0],
@@ -162,7 +162,9 @@ def read_measurement(
     kind = kinds()[options.kind]
     _refuse_options(options, kind)
     log = kind.other_format(options.file)
-    columns, read = _of_table(options, kind, week) if log is None else _of_log(options, kind, log)
+    columns, read = (
+        _rows_of_table(options, kind, week) if log is None else _rows_of_log(options, kind, log)
+    )
     own_week, time, values, lines, sigma, noted = read
     if sigma is None:
         missing = f"no column {' or '.join(f'sigma_{name}' for name in columns)}"
@@ -187,7 +189,7 @@ def read_measurement(
     )
 
 
-def _of_table(
+def _rows_of_table(
     options: MeasurementInput, kind: SensorKind, week: int
 ) -> tuple[tuple[str, ...], LogRows]:
     """Return the columns that a table has of the values, and its rows in SI."""
@@ -219,7 +221,7 @@ def _of_table(
     return columns, (own_week or week, time, factor * values, lines, sigma, notes)
 
 
-def _of_log(
+def _rows_of_log(
     options: MeasurementInput, kind: SensorKind, log: LogRows
 ) -> tuple[tuple[str, ...], LogRows]:
     """Return the columns of the values, and the rows of a log of another format in SI."""

@@ -80,82 +80,105 @@ class OrderMisfit:
     better: ClockMatch | None = None
 
 
-def match_clocks(time: Array, taken: Array, near: float | None = None) -> ClockMatch:
+def match_clocks(time: Array, taken_s: Array, tolerance_s: float | None = None) -> ClockMatch:
     """Match events and images by their times.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         s, of the events, not decreasing.
-    taken : ndarray, shape (m,)
+    taken_s : ndarray, shape (m,)
         s, of the images by their own clock, not decreasing.
-    near : float, optional
+    tolerance_s : float, optional
         Tolerance of a pair, s; 0.45 of the shortest interval between events where it is not given.
     """
-    if near is None:
-        near = SHARE_OF_INTERVAL * (float(np.min(np.diff(time))) if time.size > 1 else 1.0)
-    lead = min(LEADS, taken.size)
-    reach = abs(time.size - taken.size) + LEADS
-    best: tuple[int, float, float] | None = None
-    for i in range(lead):
-        for j in range(max(0, i - reach), min(time.size, i + reach + 1)):
-            offset = float(taken[i] - time[j])
-            _, _, residual = _pairs(time + offset, taken, near)
+    if tolerance_s is None:
+        tolerance_s = SHARE_OF_INTERVAL * (float(np.min(np.diff(time))) if time.size > 1 else 1.0)
+    lead = min(LEADS, taken_s.size)
+    widest_shift = abs(time.size - taken_s.size) + LEADS
+    best_match: tuple[int, float, float] | None = None
+    for image in range(lead):
+        for event in range(max(0, image - widest_shift), min(time.size, image + widest_shift + 1)):
+            offset = float(taken_s[image] - time[event])
+            _, _, residual = _mutual_pairs(time + offset, taken_s, tolerance_s)
             if residual.size and (
-                best is None or (residual.size, -float(np.std(residual))) > (best[0], -best[1])
+                best_match is None
+                or (residual.size, -float(np.std(residual))) > (best_match[0], -best_match[1])
             ):
-                best = (residual.size, float(np.std(residual)), offset + float(np.mean(residual)))
-    offset = best[2] if best else 0.0
-    events, images, residual = _pairs(time + offset, taken, near)
-    lonely_events = tuple(np.setdiff1d(np.arange(time.size), events).tolist())
-    lonely_images = tuple(np.setdiff1d(np.arange(taken.size), images).tolist())
+                best_match = (
+                    residual.size,
+                    float(np.std(residual)),
+                    offset + float(np.mean(residual)),
+                )
+    offset = best_match[2] if best_match else 0.0
+    events, images, residual = _mutual_pairs(time + offset, taken_s, tolerance_s)
+    unmatched_events = tuple(np.setdiff1d(np.arange(time.size), events).tolist())
+    unmatched_images = tuple(np.setdiff1d(np.arange(taken_s.size), images).tolist())
     return ClockMatch(
-        lonely_events,
-        lonely_images,
+        unmatched_events,
+        unmatched_images,
         offset,
         float(np.sqrt(np.mean(residual**2))) if residual.size else math.inf,
     )
 
 
-def misfit(time: Array, taken: Array) -> OrderMisfit | None:
+def misfit(time: Array, taken_s: Array) -> OrderMisfit | None:
     """Return what the times (n,) and (n,), s, show against the order; None where they fit.
 
     There must be three events and images at least.
     """
-    interval, n = float(np.median(np.diff(time))), time.size
-    whole = bool((taken == np.rint(taken)).all())
-    result = None
-    for near in (WHOLE_SECOND_S,) if whole else (share * interval for share in INTERVAL_SHARES):
-        beyond = _beyond(taken - time, near)
+    interval, count = float(np.median(np.diff(time))), time.size
+    whole_seconds = bool((taken_s == np.rint(taken_s)).all())
+    order_misfit = None
+    for tolerance_s in (
+        (WHOLE_SECOND_S,)
+        if whole_seconds
+        else (fraction * interval for fraction in INTERVAL_SHARES)
+    ):
+        beyond = _rows_beyond(taken_s - time, tolerance_s)
         if not beyond:
             return None
-        match = match_clocks(time, taken, near)
-        pairs = n - len(match.images)
-        fits = pairs >= max(FEWEST_PAIRS, n - max(1.0, MOST_LONELY * n)) and pairs > n - len(beyond)
-        if fits and match.events != match.images and near <= MOST_SHARE * interval:
-            return OrderMisfit(near, beyond, match)
-        result = OrderMisfit(near, beyond)
-    return result
+        match = match_clocks(time, taken_s, tolerance_s)
+        pairs = count - len(match.images)
+        fits = pairs >= max(
+            FEWEST_PAIRS, count - max(1.0, MOST_LONELY * count)
+        ) and pairs > count - len(beyond)
+        if fits and match.events != match.images and tolerance_s <= MOST_SHARE * interval:
+            return OrderMisfit(tolerance_s, beyond, match)
+        order_misfit = OrderMisfit(tolerance_s, beyond)
+    return order_misfit
 
 
-def _beyond(residual: Array, near: float) -> tuple[int, ...]:
-    """Places of the remainders outside of the interval of 2 `near` that holds most of them."""
-    low = np.sort(residual)
-    start = low[
-        np.argmax(np.searchsorted(low, low + 2.0 * near, side="right") - np.arange(low.size))
+def _rows_beyond(residual: Array, tolerance_s: float) -> tuple[int, ...]:
+    """Return rows of residuals, s, outside the interval of 2 tolerances that holds most of them."""
+    ordered = np.sort(residual)
+    interval_begin = ordered[
+        np.argmax(
+            np.searchsorted(ordered, ordered + 2.0 * tolerance_s, side="right")
+            - np.arange(ordered.size)
+        )
     ]
-    return tuple(np.flatnonzero((residual < start) | (residual > start + 2.0 * near)).tolist())
+    return tuple(
+        np.flatnonzero(
+            (residual < interval_begin) | (residual > interval_begin + 2.0 * tolerance_s)
+        ).tolist()
+    )
 
 
-def _pairs(
-    time: Array, taken: Array, near: float
+def _mutual_pairs(
+    time: Array, taken_s: Array, tolerance_s: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Events and images that are mutually nearest within `near`; and image minus event, s."""
-    nearest = _nearest(time, taken)
-    back = _nearest(taken, time)
-    residual = taken[nearest] - time
-    events = np.flatnonzero((back[nearest] == np.arange(time.size)) & (np.abs(residual) <= near))
-    return events, nearest[events], residual[events]
+    """Return mutually nearest events and images within a tolerance, s.
+
+    Rows of the events and of the images, and their residuals: image minus event, s.
+    """
+    nearest_image = _nearest(time, taken_s)
+    nearest_event = _nearest(taken_s, time)
+    residual = taken_s[nearest_image] - time
+    events = np.flatnonzero(
+        (nearest_event[nearest_image] == np.arange(time.size)) & (np.abs(residual) <= tolerance_s)
+    )
+    return events, nearest_image[events], residual[events]
 
 
 def _nearest(time: Array, candidates: Array) -> NDArray[np.intp]:

@@ -80,7 +80,7 @@ def name_events(
         notes = tuple(check for check in notes if check.name != UNNAMED)
         kept = [k for k, name in enumerate(images) if name not in skip_images]
         names = [images[k] for k in kept]
-        taken, doubts = (None, ()) if taken_s is None else _taken(path, taken_s, images, kept)
+        taken, doubts = (None, ()) if taken_s is None else _image_times(path, taken_s, images, kept)
         notes += doubts + _Match(path, time, number, names, taken, notes).checked()
     return replace(events[number - 1], images=tuple(names), source=path, notes=notes)
 
@@ -127,7 +127,7 @@ def _check_skipped(
         )
 
 
-def _taken(
+def _image_times(
     path: str, taken_s: ArrayLike, images: Sequence[str], kept: Sequence[int]
 ) -> tuple[Array | None, tuple[Finding, ...]]:
     """The own times (n,) s of the images at the places `kept`, None with a note where their
@@ -177,8 +177,8 @@ class _Match:
         """
         if self.time.size == len(self.names):
             return self.in_order()
-        hint = self.by_clocks() or _of_numbers(self.time, self.number, self.names)
-        hint = hint or _of_intervals(self.time, self.number, len(self.names))
+        hint = self.by_clocks() or _number_advice(self.time, self.number, self.names)
+        hint = hint or _interval_advice(self.time, self.number, len(self.names))
         raise self.refusal(f"one too many or too few shifts all later names: {hint}", "; ")
 
     def in_order(self) -> tuple[Finding, ...]:
@@ -187,13 +187,13 @@ class _Match:
         timed = self.taken is not None and self.time.size >= FEWEST_TIMES
         discrepancy = misfit(self.time, self.taken) if timed and self.taken is not None else None
         if discrepancy is not None and discrepancy.better is not None:
-            better = _of_clocks(discrepancy.better, self.number, self.names)
+            matched = _clock_advice(discrepancy.better, self.number, self.names)
             raise self.refusal(
-                f"but they do not fit in time: {better}; if the times are wrong, give a list of the"
-                " names"
+                f"but they do not fit in time: {matched}; if the times are wrong, give a list of"
+                " the names"
             )
         if discrepancy is not None:
-            names = some([self.names[k] for k in discrepancy.images], 5)
+            names = some([self.names[row] for row in discrepancy.images], 5)
             finding = (
                 f"{len(discrepancy.images)} of {len(self.names)} are off by more than"
                 f" {discrepancy.near_s:.2f}"
@@ -231,7 +231,7 @@ class _Match:
                 " give a"
                 " list of the names"
             )
-        return _of_clocks(match, self.number, self.names)
+        return _clock_advice(match, self.number, self.names)
 
     def refusal(self, message: str, joint: str = ", ") -> InputError:
         """The error `message` behind the counts, with the notes of reading the events."""
@@ -242,7 +242,8 @@ class _Match:
         )
 
 
-def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str]) -> str:
+def _clock_advice(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str]) -> str:
+    """Return which events and images have no partner by the clock, as advice."""
     events = [int(number[k]) for k in match.events]
     images = [names[k] for k in match.images]
     summary = (
@@ -257,7 +258,7 @@ def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str
     return f"{summary}; if that is so, set {' and '.join(answer)}"
 
 
-def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) -> str:
+def _number_advice(time: Array, number: NDArray[np.int64], names: Sequence[str]) -> str:
     """Advice from gaps in the images' numbers, if they are as many as events without an image."""
     gaps = _number_gaps(names)
     if not gaps or len(gaps) != time.size - len(names):
@@ -271,7 +272,8 @@ def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) ->
     )
 
 
-def _of_intervals(time: Array, number: NDArray[np.int64], count: int) -> str:
+def _interval_advice(time: Array, number: NDArray[np.int64], count: int) -> str:
+    """Return advice for events and images of unlike number, from the intervals of events."""
     step = np.diff(time)
     if step.size == 0:
         return (

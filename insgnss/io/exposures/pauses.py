@@ -25,14 +25,16 @@ EXPOSURES_BESIDE, FEWEST_BESIDE = 5, 3
 OFF_MULTIPLE, OFF_SIGMAS = 0.1, 6.0
 
 
-def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.bool_]) -> Finding:
+def check_even_intervals(
+    events: CameraEvents, distance_m: Array, straight: NDArray[np.bool_]
+) -> Finding:
     """Ask whether the clock of the exposures was set where an interval on a line is no multiple.
 
     Parameters
     ----------
     events : CameraEvents
         n of them.
-    way : ndarray, shape (n - 1,), m
+    distance_m : ndarray, shape (n - 1,), m
         From each exposure to the next.
     straight : ndarray of bool, shape (n - 1,)
         Whether the course is known on that way and does not turn.
@@ -42,38 +44,43 @@ def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.
     Finding
         A note with the first such interval, else "ok".
     """
-    ask = Question(EXPOSURE_CLOCK, "on a straight line, multiples of the usual interval")
-    step, of_line = np.diff(events.time), np.cumsum(~straight)
-    lines = [np.flatnonzero(straight & (of_line == k)) for k in np.unique(of_line[straight])]
+    question = Question(EXPOSURE_CLOCK, "on a straight line, multiples of the usual interval")
+    interval_s, of_line = np.diff(events.time), np.cumsum(~straight)
+    lines = [np.flatnonzero(straight & (of_line == row)) for row in np.unique(of_line[straight])]
     lines = [rows for rows in lines if rows.size >= ENOUGH_INTERVALS]
     if not lines:
-        return ask.ok("too few exposures on straight lines to compare")
-    in_time, along = (
-        [x[rows] / max(np.median(x[rows]), 1e-9) for rows in lines] for x in (step, way)
+        return question.ok("too few exposures on straight lines to compare")
+    time_ratios, distance_ratios = (
+        [x[rows] / max(np.median(x[rows]), 1e-9) for rows in lines]
+        for x in (interval_s, distance_m)
     )
-    spread, ratios = min((_spread(in_time), in_time), (_spread(along), along), key=lambda x: x[0])
+    spread, ratios = min(
+        (_spread(time_ratios), time_ratios),
+        (_spread(distance_ratios), distance_ratios),
+        key=lambda x: x[0],
+    )
     limit = max(OFF_MULTIPLE, OFF_SIGMAS * spread)
     steps = [
-        (rows, ratio, k)
+        (rows, ratio, row)
         for rows, ratio in zip(lines, ratios, strict=True)
-        for k in range(rows.size)
-        if _is_step(ratio, k, limit)
+        for row in range(rows.size)
+        if _is_step(ratio, row, limit)
     ]
     if spread > MOST_UNEVEN or not 0 < len(steps) <= MOST_STEPS:
-        return ask.ok(f"intervals even to {spread:.1%}")
+        return question.ok(f"intervals even to {spread:.1%}")
     rows, ratio, index = steps[0]
-    k, usual_s = int(rows[index]), float(np.median(step[rows]))
+    row, usual_s = int(rows[index]), float(np.median(interval_s[rows]))
     finding = (
-        f"{step[k]:.2f} s pass between images {events.images[k]} and {events.images[k + 1]} on a"
-        f" straight line, {ratio[index]:.2f} times the usual interval of {usual_s:.2f} s, and"
-        f" missed images leave a multiple; if the clock was set there, the stamps before lack"
-        f" {step[k] - usual_s:+.2f} s"
+        f"{interval_s[row]:.2f} s pass between images {events.images[row]} and"
+        f" {events.images[row + 1]} on a straight line, {ratio[index]:.2f} times the usual interval"
+        f" of {usual_s:.2f} s, and missed images leave a multiple; if the clock was set there, the"
+        f" stamps before lack {interval_s[row] - usual_s:+.2f} s"
     )
     remedy = Step(
         "add the step to the stamps before, if the clock was set; if the camera paused, set {}",
         SetKey("accept", [EXPOSURE_CLOCK]),
     )
-    return ask.note(finding, remedy)
+    return question.note(finding, remedy)
 
 
 def _spread(ratios: list[Array]) -> float:
@@ -81,15 +88,19 @@ def _spread(ratios: list[Array]) -> float:
     return MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(ratios) - 1.0)))
 
 
-def _is_step(ratio: Array, k: int, limit: float) -> bool:
+def _is_step(ratio: Array, interval: int, limit: float) -> bool:
     """Whether the exposures of a line behind its interval k are off those before, and all alike.
 
     Late images among them are no sure sign of either.
     """
     position = np.cumsum(np.concatenate([[0.0], ratio]))
-    before, after = position[max(k + 1 - EXPOSURES_BESIDE, 0) : k + 1], position[k + 1 :]
-    sides = before - position[k], after[:EXPOSURES_BESIDE] - position[k + 1]
-    even = all(
-        x.size >= FEWEST_BESIDE and np.abs(x - np.rint(x)).max() < 0.5 * limit for x in sides
+    earlier, later = (
+        position[max(interval + 1 - EXPOSURES_BESIDE, 0) : interval + 1],
+        position[interval + 1 :],
     )
-    return even and abs(ratio[k] - max(np.rint(ratio[k]), 1.0)) > limit
+    sides = earlier - position[interval], later[:EXPOSURES_BESIDE] - position[interval + 1]
+    even = all(
+        steps.size >= FEWEST_BESIDE and np.abs(steps - np.rint(steps)).max() < 0.5 * limit
+        for steps in sides
+    )
+    return even and abs(ratio[interval] - max(np.rint(ratio[interval]), 1.0)) > limit

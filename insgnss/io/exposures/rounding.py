@@ -105,16 +105,18 @@ def stamp_grid(time: Array) -> tuple[float, bool]:
     candidates = [_refined(ordered, 1.0 / f) for f in _likely_frequencies(ordered)]
     candidates = [c for c in candidates if c[1] < GRID_JITTER]
     if candidates:
-        step, jitter, changes = min(candidates, key=lambda c: _chance(c[0], c[1], c[2], EXACT_S))
+        step, jitter, changes = min(
+            candidates, key=lambda c: _chance_of_step(c[0], c[1], c[2], EXACT_S)
+        )
         digit = max(decimal_step(time, LARGEST_S, EXACT_S, 0.1 * EXACT_S), EXACT_S)
         # stamps of few digits lie only on grids of them
         trials = LARGEST_S / decimal if decimal else max(float(ordered[-1]), 1.0) / SMALLEST_S
-        if trials * _chance(step, jitter, changes, digit) < LEAST_CHANCE:
+        if trials * _chance_of_step(step, jitter, changes, digit) < LEAST_CHANCE:
             return step, True
     return decimal, bool(decimal) and _changes(ordered, decimal) >= CHANGES
 
 
-def _chance(step: float, jitter: float, changes: int, digit: float) -> float:
+def _chance_of_step(step: float, jitter: float, changes: int, digit: float) -> float:
     """Return (S.2) of one trial, of stamps that are multiples of `digit`, s."""
     return float(max((2.0 * np.pi * math.e) ** 0.5 * jitter, digit / step) ** changes)
 

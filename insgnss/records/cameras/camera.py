@@ -11,6 +11,9 @@ NEWTON_STEPS = 30  # at most: Newton's method has its answer by then, or has non
 # square of the distance from the axis up to which a fisheye is a frame camera: (1e-6)^2, where the
 # two differ by 3e-19
 AXIS_R2 = 1e-12
+# imaginary share of a root (-) below which it is real: the rounding of `numpy.roots`, for a
+# polynomial of degree 4 some 1e-12, and far below that of roots which are a true pair
+IMAGINARY = 1e-9
 NEWTON_TOLERANCE = 1e-13  # of the unit: 1e-9 px of any camera
 
 
@@ -98,8 +101,8 @@ def fold_radius(interior: Array) -> float:
     """
     k1, k2, k3, k4 = interior[_K]
     roots = np.roots([9.0 * k4, 7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
-    real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
-    return float(np.sqrt(real.min())) if real.size else float("inf")
+    fold_squared = roots.real[(np.abs(roots.imag) < IMAGINARY * np.abs(roots)) & (roots.real > 0.0)]
+    return float(np.sqrt(fold_squared.min())) if fold_squared.size else float("inf")
 
 
 def equidistant(xy: ArrayLike) -> tuple[Array, Array]:

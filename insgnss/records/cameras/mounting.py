@@ -134,9 +134,7 @@ def boresight_from_angles(
 
 
 def metashape_offset(
-    antenna_m: Array | None,
-    boresight: Array | None,
-    camera_from_body: ArrayLike | None = None,
+    antenna_m: Array | None, boresight: Array | None, camera_from_body: ArrayLike | None = None
 ) -> tuple[Array | None, Array | None]:
     """Return the GPS/INS offset of Metashape that means the same mounting.
 

@@ -133,16 +133,16 @@ class RigImages:
             (k - 1, 6, 6); None where two of them are neighbours neither in time nor of a camera.
         """
         first, second = rows[:-1], rows[1:]
-        beside = (second == first + 1) & (cross is not None)
+        in_time = (second == first + 1) & (cross is not None)
         of_camera = (self.next_of_camera[first] == second) & (self.cross is not None)
-        if not (beside | of_camera).all():
+        if not (in_time | of_camera).all():
             return None
-        out = np.zeros((first.size, 6, 6))
+        covariance = np.zeros((first.size, 6, 6))
         if self.cross is not None:
-            out[of_camera] = self.cross[first[of_camera]]
+            covariance[of_camera] = self.cross[first[of_camera]]
         if cross is not None:
-            out[beside] = cross[first[beside]]
-        return out
+            covariance[in_time] = cross[first[in_time]]
+        return covariance
 
     def index(self, name: str) -> int:
         """Return the number of a camera.

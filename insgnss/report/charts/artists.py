@@ -39,6 +39,8 @@ CHART_MARKS: Mapping[Mark, str] = {
     "triangle": "^",
 }
 MARK_PX = 4.4  # pixels that a mark has where its layer says nothing
+ARROW_PX = 2.2  # width of an arrow (px): as thick as a line of two pixels looks
+LABEL_PX = 11.5  # height of a label's letters (px), readable beside marks of 4.4 px
 MARK_WIDTHS: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
 POINTS_OF_PIXEL = 0.72  # of a pixel: a sheet of 1000 pixels is 10 inches of 72 points
 PALE = 0.4  # opacity of what is faint
@@ -97,33 +99,34 @@ def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 
 def _points(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> Any:
-    size = px * (layer.width or MARK_PX) * MARK_WIDTHS.get(layer.mark, 1.0)
+    """Draw the points of a layer; return the artist if its values are colours, else None."""
+    diameter = px * (layer.width or MARK_PX) * MARK_WIDTHS.get(layer.mark, 1.0)
     shape = CHART_MARKS[layer.mark]
-    many = layer.x.size > RASTERISED_FROM
+    rasterised = layer.x.size > RASTERISED_FROM
     if layer.value is not None:
         low, high = value_range(layer.value)
         return ax.scatter(
             layer.x,
             layer.y,
             c=layer.value,
-            s=size**2,
+            s=diameter**2,
             marker=shape,
             cmap="viridis",
             vmin=low,
             vmax=high,
             lw=0,
             label=style["label"],
-            rasterized=many,
+            rasterized=rasterised,
         )
     hollow = layer.mark in ("ring", "square", "triangle")
     ax.plot(
         layer.x,
         layer.y,
         shape,
-        ms=size,
+        ms=diameter,
         mew=1.0 if hollow or layer.mark == "cross" else 0.0,
         mfc="none" if hollow else style["color"],
-        rasterized=many,
+        rasterized=rasterised,
         **style,
     )
     return None
@@ -142,6 +145,7 @@ def _steps(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 
 def _arrows(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    """Draw a layer's arrows from (x, y) to (x2, y2), in the units of the axes."""
     assert layer.x2 is not None
     assert layer.y2 is not None
     ax.quiver(
@@ -153,10 +157,11 @@ def _arrows(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
         scale_units="xy",
         scale=1.0,
         units="dots",
-        width=px * (layer.width or 2.2) * ax.figure.dpi / 72.0,
+        width=px * (layer.width or ARROW_PX) * ax.figure.dpi / 72.0,
         **style,
     )
-    for x, y in ((layer.x, layer.y), (layer.x2, layer.y2)):  # a quiver widens axes by its tails
+    # a quiver widens axes by its tails only
+    for x, y in ((layer.x, layer.y), (layer.x2, layer.y2)):
         ax.update_datalim(np.column_stack([x, y]))
 
 
@@ -168,6 +173,7 @@ def _rules(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 
 def _labels(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    """Write the texts of a layer at its positions, at most `MOST_TEXTS` of them."""
     ax.update_datalim(np.column_stack([layer.x, layer.y]))  # no text does so by itself
     ax.autoscale_view()
     step = -(-layer.x.size // MOST_TEXTS) or 1
@@ -175,7 +181,7 @@ def _labels(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
         ax.annotate(
             text,
             (x, y),
-            size=px * (layer.width or 11.5),
+            size=px * (layer.width or LABEL_PX),
             color=style["color"],
             alpha=style["alpha"],
             ha="center",
@@ -258,7 +264,7 @@ def number_shades(ax: Any, shades: Sequence[Shade], size: float) -> None:
         Of the letters, points.
     """
     written = -np.inf
-    across = ax.get_xaxis_transform()
+    axis_transform = ax.get_xaxis_transform()
     for shade in sorted(shades, key=lambda shade: shade.begin):
         middle = 0.5 * (shade.begin + shade.end)
         low, high = ax.get_xlim()
@@ -273,7 +279,7 @@ def number_shades(ax: Any, shades: Sequence[Shade], size: float) -> None:
             middle,
             0.985,
             shade.text,
-            transform=across,
+            transform=axis_transform,
             ha="center",
             va="top",
             size=size,

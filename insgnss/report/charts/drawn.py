@@ -134,10 +134,7 @@ def _bytes(figure: Any, form: Form, paper: Paper) -> bytes:
 
 
 def figure_of(
-    columns: Sequence[Sequence[Chart]],
-    title: str = "",
-    subtitle: str = "",
-    paper: Paper = SCREEN,
+    columns: Sequence[Sequence[Chart]], title: str = "", subtitle: str = "", paper: Paper = SCREEN
 ) -> Any:
     """Return the figure of matplotlib that `draw_sheet` writes.
 
@@ -154,18 +151,19 @@ def figure_of(
     from matplotlib.figure import Figure
 
     width = paper.width_mm / INCH_MM
-    head = _wrapped(title, subtitle, width, paper.letters)
+    heading = _wrapped(title, subtitle, width, paper.letters)
     titled = sum(map(len, columns)) > 1
-    places = [
-        [_SheetBlock(chart, width / len(columns), paper, titled) for chart in c] for c in columns
+    blocks = [
+        [_SheetBlock(chart, width / len(columns), paper, titled) for chart in charts]
+        for charts in columns
     ]
-    height = head.height + max(
-        (sum(block.height for block in column) for column in places), default=0.1
+    height = heading.height + max(
+        (sum(block.height for block in column) for column in blocks), default=0.1
     )
     figure = Figure(figsize=(width, height), dpi=paper.dpi, facecolor="white")
-    head.write(figure, height)
-    for k, column in enumerate(places):
-        top = height - head.height
+    heading.write(figure, height)
+    for k, column in enumerate(blocks):
+        top = height - heading.height
         for block in column:
             block.draw(figure, k * width / len(columns), top)
             top -= block.height
@@ -187,16 +185,16 @@ class _Head:
 
     def write(self, figure: Any, height: float) -> None:
         """Write both at the top left of a figure that is so many inches high."""
-        y = height - 0.08
+        top = height - 0.08
         for rows, size, weight, ink in (
             (self.title, 1.25 * self.letters, "bold", "#000000"),
             (self.subtitle, self.letters, "normal", "#333333"),
         ):
             for row in rows:
-                text = figure.text(0.01, y / height, row, size=size, weight=weight, va="top")
+                text = figure.text(0.01, top / height, row, size=size, weight=weight, va="top")
                 text.set_color(ink)
                 text.set_parse_math(False)
-                y -= 1.3 * size / 72.0
+                top -= 1.3 * size / 72.0
 
 
 def _wrapped(title: str, subtitle: str, width: float, letters: float) -> _Head:
@@ -228,34 +226,36 @@ class _SheetBlock:
         self.head = (row * len(self.title) + 0.05) if titled else 0.0
         self.title = self.title if titled else []
         self.foot, self.left, self.right = 3.6 * self.letters / 72.0, 5.6 * self.letters / 72.0, 0.1
-        if any(layer.value is not None for panel in chart.panels for layer in panel.layers):
+        has_values = (layer.value is not None for panel in chart.panels for layer in panel.layers)
+        if any(has_values):
             self.right += 6.5 * self.letters / 72.0
         self.columns = max(1, min(chart.columns, int(width / LEAST_IN)))
-        own = chart.columns > 1  # each panel has an axis of its own
+        separate_axes = chart.columns > 1  # each panel has an axis of its own
         self.panel_width = width / self.columns - self.left - self.right
         self.panel_height = self._panel_height()
         self.keys = _legends(chart)
         self.above = [self._above(k) for k in range(len(chart.panels))]
-        self.below = 2.0 * self.letters / 72.0 if own else 0.06
+        self.below = 2.0 * self.letters / 72.0 if separate_axes else 0.06
         self.rows = [
             max(self.above[k : k + self.columns]) + self.panel_height + self.below
             for k in range(0, len(chart.panels), self.columns)
         ]
         fits = int((width - self.left) * 72.0 / (LETTER * self.letters))
         self.label = textwrap.wrap(chart.label, max(fits, 10))
-        more = row * max(len(self.label) - 1, 0) - (self.below if own else 0.0)
-        self.height = self.head + sum(self.rows) + self.foot + more
+        label_height = row * max(len(self.label) - 1, 0) - (self.below if separate_axes else 0.0)
+        self.height = self.head + sum(self.rows) + self.foot + label_height
 
     def _panel_height(self) -> float:
+        """Return the height of each panel, inches: of a map by its extent, else by their number."""
         scale = self.width / 10.0
         if self.chart.map:
-            x, y = _extent(self.chart)
-            return self.panel_width * float(np.clip(y / x, FLATTEST, TALLEST))
+            width, height_shown = _extent(self.chart)
+            return self.panel_width * float(np.clip(height_shown / width, FLATTEST, TALLEST))
         if self.chart.columns > 1:
             return float(np.clip(0.7 * self.panel_width, 0.9, 2.6))
         rows = len(self.chart.panels)
-        wanted = {1: 4.0, 2: 2.6, 3: 2.0, 4: 1.6}.get(rows, 1.3) * scale
-        return max(wanted, 0.95 if rows > 2 else 1.2 if rows == 2 else 1.9)
+        height = {1: 4.0, 2: 2.6, 3: 2.0, 4: 1.6}.get(rows, 1.3) * scale
+        return max(height, 0.95 if rows > 2 else 1.2 if rows == 2 else 1.9)
 
     def _above(self, k: int) -> float:
         """Inches above panel `k`: its legend."""
@@ -273,32 +273,33 @@ class _SheetBlock:
             text = figure.text(*corner, "\n".join(self.title), size=self.letters, weight="bold")
             text.set_va("top")
             text.set_parse_math(False)
-        y = top - self.head
-        first: Any = None
+        bottom = top - self.head
+        first_axes: Any = None
         drawn: list[Any] = []
         for k, panel in enumerate(self.chart.panels):
             row, column = divmod(k, self.columns)
             if column == 0:
-                base = y - self.rows[row] + self.below
-                y -= self.rows[row]
+                base = bottom - self.rows[row] + self.below
+                bottom -= self.rows[row]
             x = left_px + column * self.width / self.columns + self.left
             box = (x / width, base / height, self.panel_width / width, self.panel_height / height)
-            shared: Any = first if self.chart.columns == 1 else None
+            shared: Any = first_axes if self.chart.columns == 1 else None
             ax = figure.add_axes(box, sharex=shared)
-            first = first or ax
+            first_axes = first_axes or ax
             drawn.append(ax)
             self._panel(figure, ax, panel, k)
-        last = drawn if self.chart.columns > 1 else drawn[-1:]
+        labelled = drawn if self.chart.columns > 1 else drawn[-1:]
         for ax in drawn:
-            ax.tick_params(labelbottom=ax in last)
-        across = left_px + 0.5 * (self.left + self.width - self.right)
-        foot = y + self.below - 1.9 * self.letters / 72.0  # below the numbers of the last row
-        text = figure.text(across / width, foot / height, "\n".join(self.label), ha="center")
+            ax.tick_params(labelbottom=ax in labelled)
+        centre = left_px + 0.5 * (self.left + self.width - self.right)
+        foot = bottom + self.below - 1.9 * self.letters / 72.0  # below the numbers of the last row
+        text = figure.text(centre / width, foot / height, "\n".join(self.label), ha="center")
         text.set(size=self.letters, va="top", parse_math=False)
         self._finish(drawn)
 
     def _panel(self, figure: Any, ax: Any, panel: Panel, k: int) -> None:
-        _dress(ax, self.letters, int(np.clip(2.0 * self.panel_width, 3, 6)))
+        """Draw one panel with its layers, scale, limits and legend."""
+        _style_axes(ax, self.letters, int(np.clip(2.0 * self.panel_width, 3, 6)))
         if self.chart.scale == "log":
             ax.set_xscale("log")
         if panel.scale == "log":
@@ -306,7 +307,7 @@ class _SheetBlock:
         bars = [(layer, draw_layer(ax, layer, self.letters / 9.0)) for layer in panel.layers]
         for layer, artist in bars:
             if artist is not None:
-                self._bar(figure, ax, artist, layer)
+                self._colour_bar(figure, ax, artist, layer)
         if panel.limits is not None:
             ax.set_ylim(*panel.limits)
         if self.chart.limits is not None:
@@ -317,7 +318,7 @@ class _SheetBlock:
             ax.set_aspect("equal", adjustable="datalim")
         self._label(ax, panel.label)
         if panel.scale == "log":
-            _plain_log(ax.yaxis, ax.get_ylim(), self.panel_height)
+            _label_log_axis(ax.yaxis, ax.get_ylim(), self.panel_height)
         if self.keys[k]:
             _legend(ax, self.keys[k], self._room(k), self.letters)
 
@@ -340,7 +341,7 @@ class _SheetBlock:
         taken = 0.0 if self._along(label) else LETTER * len(label) * self.letters / 72.0
         return max(self.panel_width - taken, 0.4 * self.panel_width)
 
-    def _bar(self, figure: Any, ax: Any, artist: Any, layer: Layer) -> None:
+    def _colour_bar(self, figure: Any, ax: Any, artist: Any, layer: Layer) -> None:
         """Put the bar of colours beside the axes."""
         box, width = ax.get_position(), figure.get_size_inches()[0]
         position = (box.x1 + 0.08 / width, box.y0 + 0.1 * box.height, 0.1 / width, 0.8 * box.height)
@@ -361,7 +362,7 @@ class _SheetBlock:
             number_shades(drawn[0], self.chart.shades, 0.85 * self.letters)
         if self.chart.scale == "log":
             for ax in drawn:
-                _plain_log(ax.xaxis, ax.get_xlim(), self.panel_width)
+                _label_log_axis(ax.xaxis, ax.get_xlim(), self.panel_width)
 
 
 def _extent(chart: Chart) -> tuple[float, float]:
@@ -390,7 +391,7 @@ def _finite(pieces: Sequence[Array]) -> Array:
     return joined[np.isfinite(joined)]
 
 
-def _dress(ax: Any, letters: float, ticks: int) -> None:
+def _style_axes(ax: Any, letters: float, ticks: int) -> None:
     """Give axes thin spines, a pale grid, small labels and few ticks."""
     from matplotlib.ticker import MaxNLocator
 
@@ -406,15 +407,15 @@ def _dress(ax: Any, letters: float, ticks: int) -> None:
         ax.spines[side].set_color(FRAME)
 
 
-def _plain_log(axis: Any, limits: tuple[float, float], inches: float) -> None:
+def _label_log_axis(axis: Any, limits: tuple[float, float], inches: float) -> None:
     """Give a logarithmic axis few, plain numbers, at least two of them."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = sorted(limits)
     decades = math.log10(high / low)
     subs = (1.0,) if decades > 2.2 else (1.0, 2.0, 5.0) if decades > 0.6 else tuple(range(1, 10))
-    most = max(3, int(3.0 * inches))
-    axis.set_major_locator(LogLocator(subs=subs, numticks=most))
+    tick_count = max(3, int(3.0 * inches))
+    axis.set_major_locator(LogLocator(subs=subs, numticks=tick_count))
     axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=30))
     axis.set_minor_formatter(NullFormatter())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -65,7 +65,7 @@ def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
             if value is not None:
                 out[name] = arrays.setdefault(_bytes(value), len(arrays))
                 if out[name] == len(packs):
-                    packs.append(_short(value) or packed(value))
+                    packs.append(_quantised(value) or packed(value))
         if of.texts:
             out["texts"] = texts.setdefault(tuple(map(str, of.texts)), len(texts))
         return out
@@ -173,15 +173,15 @@ def _bytes(x: Array) -> bytes:
     return np.ascontiguousarray(x, dtype="<f4").tobytes()
 
 
-def _short(x: Array) -> dict[str, Any] | None:
+def _quantised(x: Array) -> dict[str, Any] | None:
     """Return an array in steps of uint16; None where it is short or they are too coarse."""
     finite = x[np.isfinite(x)]
     if finite.size < LONG or np.isinf(x).any():
         return None
     low, quarter, three, high = np.percentile(finite, (0.0, 25.0, 75.0, 100.0))
     step = float(high - low) / (NOT_FINITE - 1)
-    fine = step <= FINE_STEP * (three - quarter) and (low <= 0.0 or step <= FINE_SHARE * low)
-    if not fine or step == 0.0:
+    fine_enough = step <= FINE_STEP * (three - quarter) and (low <= 0.0 or step <= FINE_SHARE * low)
+    if not fine_enough or step == 0.0:
         return None
     steps = np.where(np.isfinite(x), np.rint((x - low) / step), NOT_FINITE).astype("<u2")
     packed_steps = base64.b64encode(steps.tobytes()).decode("ascii")
@@ -223,6 +223,7 @@ def _builtin(value: Any) -> Any:
 
 
 def _charts(whole: Mapping[str, Any]) -> tuple[Chart, ...]:
+    """Return the charts as the page's script reads them."""
     arrays = [_unpacked(packed) for packed in whole["arrays"]]
     texts = [tuple(listed) for listed in whole["texts"]]
 

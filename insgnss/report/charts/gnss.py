@@ -119,21 +119,19 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
     reading = " ".join(text for name, text in statements.items() if name in series)
     reading = reading or "The satellites of each epoch."
     curves = (
-        ("gnss-solution", "How the antenna positions were solved", reading, _solution),
-        ("gnss-signals", "What the receiver observed", _SIGNALS, _signals),
+        ("gnss-solution", "How the antenna positions were solved", reading, _solution_panels),
+        ("gnss-signals", "What the receiver observed", _SIGNALS, _signal_panels),
     )
     for name, title, text, panels in curves:
         drawn = list(panels(series, minutes))
         if drawn:
             yield Chart(
-                *(name, title, text, drawn, label),
-                link="time",
-                shades=tuple(shades),
-                limits=limits,
+                *(name, title, text, drawn, label), link="time", shades=tuple(shades), limits=limits
             )
 
 
-def _solution(series: Series, minutes: Minutes) -> Iterator[Panel]:
+def _solution_panels(series: Series, minutes: Minutes) -> Iterator[Panel]:
+    """Yield the panels of satellites, ratio, age, DOP and separation that the series hold."""
     t = minutes(series["time"])
     kind = np.asarray(series.get("kind", np.zeros(t.size)), dtype=np.int64)
     classified = "kind" in series
@@ -154,16 +152,12 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Panel]:
             scale="log",
             limits=(LEAST_RATIO, 1.2 * MOST_RATIO),
         )
-    for name, label in (
-        ("age_s", "age of the base's data, s"),
-        ("pdop", "PDOP"),
-        ("hdop", "HDOP"),
-    ):
+    for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP"), ("hdop", "HDOP")):
         if name in series and not (name == "hdop" and "pdop" in series):
             y = np.asarray(series[name], dtype=np.float64)
             yield Panel(label, list(_by_class(t, y, kind, classified)))
     if "separation_m" in series:
-        yield _separation(t, series)
+        yield _separation_panel(t, series)
     if "distance_m" in series:
         km = np.asarray(series["distance_m"]) / 1e3
         yield Panel("from the base, km", (line(t, km, "distance"),))
@@ -173,6 +167,7 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Panel]:
 
 
 def _by_class(t: Array, y: Array, kind: NDArray[np.int64], classified: bool) -> Iterator[Layer]:
+    """Yield the dots of each kind of fix, in its colour."""
     for k in np.unique(kind):
         rows = kind == k
         yield dots(
@@ -192,13 +187,14 @@ def _rate(t: Array, kind: NDArray[np.int64]) -> Array:
     return np.asarray(100.0 * (count[after] - count[first]) / (after - first))
 
 
-def _separation(t: Array, series: Series) -> Panel:
+def _separation_panel(t: Array, series: Series) -> Panel:
+    """Return backward minus forward positions over time with their three-sigma bands."""
     separation, sigma = np.asarray(series["separation_m"]), np.asarray(series["separation_sigma_m"])
     finite = np.isfinite(separation).all(axis=1)
     typical = float(np.median(sigma[finite])) if finite.any() else 1.0
-    far = 1.2 * float(np.quantile(np.abs(separation[finite]), 0.99)) if finite.any() else 0.0
-    reach = max(4.0 * typical, far)
-    factor, unit = length_unit(reach / 4.0)
+    largest = 1.2 * float(np.quantile(np.abs(separation[finite]), 0.99)) if finite.any() else 0.0
+    half_height = max(4.0 * typical, largest)
+    factor, unit = length_unit(half_height / 4.0)
     layers = []
     for k in range(3):
         zero = np.zeros(int(finite.sum()))
@@ -206,11 +202,12 @@ def _separation(t: Array, series: Series) -> Panel:
     layers += [
         line(t, factor * separation[:, k], NED_NAMES[k], AXES_INKS[k], width=1.0) for k in range(3)
     ]
-    limits = (-1.05 * reach * factor, 1.05 * reach * factor)
+    limits = (-1.05 * half_height * factor, 1.05 * half_height * factor)
     return Panel(f"backward - forward, {unit}", layers, limits=limits)
 
 
-def _signals(series: Series, minutes: Minutes) -> Iterator[Panel]:
+def _signal_panels(series: Series, minutes: Minutes) -> Iterator[Panel]:
+    """Yield C/N0 of each frequency and the cycle slips of each satellite over time."""
     if len(series.get("cn0", ())):
         t = minutes(series["cn0_time"])
         yield Panel(
@@ -223,12 +220,12 @@ def _signals(series: Series, minutes: Minutes) -> Iterator[Panel]:
     if len(series.get("slip_time", ())):
         satellites = list(series["slip_satellite"])
         row = {name: k for k, name in enumerate(sorted(set(satellites)))}
-        some = slice(None, None, -(-len(satellites) // MOST_SLIPS))
+        thinned = slice(None, None, -(-len(satellites) // MOST_SLIPS))
         y = np.array([row[name] for name in satellites], dtype=np.float64)
         layer = Layer(
-            *("points", minutes(series["slip_time"])[some], y[some], "cycle slips", "warn"),
+            *("points", minutes(series["slip_time"])[thinned], y[thinned], "cycle slips", "warn"),
             width=4.0,
-            texts=satellites[some],
+            texts=satellites[thinned],
         )
         t = minutes(series["time"])
         step = -(-len(row) // MOST_SATELLITES)

@@ -45,7 +45,7 @@ def median_limits(x: Array, bound: Array) -> tuple[float, float] | None:
 
     Where one of two filters knows little, as at the ends, the line may leave the axes.
     """
-    size = np.maximum(np.abs(x), bound)
-    size = size[np.isfinite(size)]
-    reach = 3.0 * float(np.median(size)) if size.size else 0.0
-    return (-reach, reach) if reach > 0.0 else None
+    magnitude = np.maximum(np.abs(x), bound)
+    magnitude = magnitude[np.isfinite(magnitude)]
+    half_height = 3.0 * float(np.median(magnitude)) if magnitude.size else 0.0
+    return (-half_height, half_height) if half_height > 0.0 else None

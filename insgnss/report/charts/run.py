@@ -22,6 +22,7 @@ from .chart import AXES_INKS, Array, Background, Chart, Ink, Layer, Panel
 from .pieces import dots, length_unit, line, over_time
 from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
+LONGEST_LABEL = 30  # characters of a label (-): more than this overlaps its neighbours
 _MAP = (
     "The flight seen from above, straight lines with their numbers; a cross marks a rejected fix,"
     " red where no fix was used for a while, a ring a stationary period. Two fingers, or the"
@@ -86,23 +87,23 @@ def charts(
 
 
 def _map(
-    d: Diagnostics,
+    run: Diagnostics,
     eo: ExteriorOrientation | None,
     series: Mapping[str, Any] | None,
     background: Background | None,
 ) -> Chart:
-    north, east = d.position[:, 0], d.position[:, 1]
-    rows = track_rows(d)
+    north, east = run.position[:, 0], run.position[:, 1]
+    rows = track_rows(run)
     ink: Ink = "ink" if background else "faint"
     layers = [Layer("line", east[rows], north[rows], "", ink, width=1.2)]
-    layers += _fixes(d, series)
-    layers += _places(d)
+    layers += _fixes(run, series)
+    layers += _map_marks(run)
     if eo is not None:
-        layers.append(_images(d, eo))
+        layers.append(_images(run, eo))
     layers += [
         Layer("points", east[:1], north[:1], "start", "ink", mark="triangle", width=9.0),
         Layer("points", east[-1:], north[-1:], "end", "ink", mark="square", width=8.0),
-        _numbers(d, eo),
+        _numbers(run, eo),
     ]
     return Chart(
         "map",
@@ -118,23 +119,23 @@ def _map(
     )
 
 
-def track_rows(d: Diagnostics) -> NDArray[np.int64]:
+def track_rows(run: Diagnostics) -> NDArray[np.int64]:
     """Return the rows of the diagnostics by which the map draws the flight."""
-    return np.arange(0, d.time.size, -(-d.time.size // (2 * MOST_POINTS)))
+    return np.arange(0, run.time.size, -(-run.time.size // (2 * MOST_POINTS)))
 
 
-def _fixes(d: Diagnostics, series: Mapping[str, Any] | None) -> Iterator[Layer]:
+def _fixes(run: Diagnostics, series: Mapping[str, Any] | None) -> Iterator[Layer]:
     """Places of the fixes by class, fixed below all others; classes unknown, none."""
     if series is None or "kind" not in series:
         return
     kind, time = np.asarray(series["kind"]), np.asarray(series["time"])
-    inside = (time >= d.time[0]) & (time <= d.time[-1])
+    inside = (time >= run.time[0]) & (time <= run.time[-1])
     for k in sorted(np.unique(kind[inside])):
         rows = np.flatnonzero(inside & (kind == k))
         rows = rows[:: -(-rows.size // MOST_DOTS)]
         yield Layer(
             "points",
-            *_east_north(d, time[rows]),
+            *_east_north(run, time[rows]),
             gnss.CLASS_NAMES[k],
             gnss.CLASS_INKS[k],
             width=4.0,
@@ -142,14 +143,14 @@ def _fixes(d: Diagnostics, series: Mapping[str, Any] | None) -> Iterator[Layer]:
         )
 
 
-def _images(d: Diagnostics, eo: ExteriorOrientation) -> Layer:
+def _images(run: Diagnostics, eo: ExteriorOrientation) -> Layer:
     """The images, coloured by their horizontal sigma; none is left out."""
     position, _ = image_sigmas(eo)
     horizontal = np.hypot(position[:, 0], position[:, 1])
     factor, unit = length_unit(float(np.median(horizontal)))
     return Layer(
         "points",
-        *_east_north(d, eo.time),
+        *_east_north(run, eo.time),
         "image",
         value=factor * horizontal,
         value_name=f"horizontal sigma of the image, {unit}:",
@@ -157,72 +158,84 @@ def _images(d: Diagnostics, eo: ExteriorOrientation) -> Layer:
     )
 
 
-def _places(d: Diagnostics) -> Iterator[Layer]:
-    """Times without fixes, stationary periods and rejected fixes, where they were."""
+def _map_marks(run: Diagnostics) -> Iterator[Layer]:
+    """Yield the map's layers of times without used fixes, stationary periods and rejected fixes."""
     east, north = [np.zeros(0)], [np.zeros(0)]
-    for begin, length in outages(d):
-        first, last = np.searchsorted(d.time, (begin, begin + length))
-        piece = slice(max(first - 1, 0), last + 1)
-        east += [d.position[piece, 1], np.array([np.nan])]
-        north += [d.position[piece, 0], np.array([np.nan])]
+    for begin, length in outages(run):
+        first_row, last_row = np.searchsorted(run.time, (begin, begin + length))
+        rows = slice(max(first_row - 1, 0), last_row + 1)
+        east += [run.position[rows, 1], np.array([np.nan])]
+        north += [run.position[rows, 0], np.array([np.nan])]
     if len(east) > 1:
         yield Layer(
             "line", np.concatenate(east), np.concatenate(north), "no used fix", "warn", width=3.0
         )
-    stood = stationary_periods(d)
+    stood = stationary_periods(run)
     if stood.size:
         yield Layer(
-            "points", *_east_north(d, stood.mean(axis=1)), "stationary", "ok", mark="ring", width=8
+            "points",
+            *_east_north(run, stood.mean(axis=1)),
+            "stationary",
+            "ok",
+            mark="ring",
+            width=8,
         )
-    if (~d.used).any():
+    if (~run.used).any():
         texts = [
             f"rejected fix, TOW {t:.2f} s" + (f", NIS {nis:.1f}" if math.isfinite(nis) else "")
-            for t, nis in zip(d.fix_time[~d.used], d.nis[~d.used], strict=True)
+            for t, nis in zip(run.fix_time[~run.used], run.nis[~run.used], strict=True)
         ]
-        where = _east_north(d, d.fix_time[~d.used])
-        yield Layer("points", *where, "rejected fix", "warn", mark="cross", width=6, texts=texts)
+        positions = _east_north(run, run.fix_time[~run.used])
+        yield Layer(
+            "points", *positions, "rejected fix", "warn", mark="cross", width=6, texts=texts
+        )
 
 
-def _numbers(d: Diagnostics, eo: ExteriorOrientation | None) -> Layer:
+def _numbers(run: Diagnostics, eo: ExteriorOrientation | None) -> Layer:
     """Numbers of the lines, a tenth of the way in."""
-    lines = flight_lines(d, eo)
+    lines = flight_lines(run, eo)
     rows = np.array([x.first + (x.last - x.first) // 10 for x in lines], dtype=np.int64)
     texts = [str(k) for k in range(1, len(lines) + 1)]
-    return Layer("labels", d.position[rows, 1], d.position[rows, 0], texts=texts)
+    return Layer("labels", run.position[rows, 1], run.position[rows, 0], texts=texts)
 
 
-def _east_north(d: Diagnostics, time: Array) -> tuple[Array, Array]:
+def _east_north(run: Diagnostics, time: Array) -> tuple[Array, Array]:
     """East and north at `time`, m."""
-    return np.interp(time, d.time, d.position[:, 1]), np.interp(time, d.time, d.position[:, 0])
+    return np.interp(time, run.time, run.position[:, 1]), np.interp(
+        time, run.time, run.position[:, 0]
+    )
 
 
-def _motion(d: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Chart:
-    t, up = marks.minutes(d.time), marks.broken(marks.minutes(d.time), -d.position[:, 2])
+def _motion(run: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Chart:
+    """Return the chart of height, speed, attitude and heading over time."""
+    t, up = marks.minutes(run.time), marks.broken(marks.minutes(run.time), -run.position[:, 2])
     height = [line(t, up, "trajectory", "faint")]
     if eo is not None:
-        exposed = np.interp(eo.time, d.time, -d.position[:, 2])
+        exposed = np.interp(eo.time, run.time, -run.position[:, 2])
         height.append(dots(marks.exposures, exposed, "exposures"))
-    speed = marks.broken(t, np.hypot(d.velocity[:, 0], d.velocity[:, 1]))
+    speed = marks.broken(t, np.hypot(run.velocity[:, 0], run.velocity[:, 1]))
     level = [
-        line(t, marks.broken(t, np.degrees(d.rpy[:, k])), name, AXES_INKS[k], width=1.0)
+        line(t, marks.broken(t, np.degrees(run.rpy[:, k])), name, AXES_INKS[k], width=1.0)
         for k, name in enumerate(("roll", "pitch"))
     ]
-    heading = np.degrees(d.rpy[:, 2]) % 360.0
-    some = slice(None, None, -(-d.time.size // (2 * MOST_POINTS)))
+    heading = np.degrees(run.rpy[:, 2]) % 360.0
+    thinned = slice(None, None, -(-run.time.size // (2 * MOST_POINTS)))
     panels = [
         Panel("up, m", height),
         Panel("speed, m/s", (line(t, speed, "horizontal"),)),
         Panel("roll, pitch, deg", level),
-        Panel("heading, deg", (Layer("points", t[some], heading[some], "heading", width=2.2),)),
+        Panel(
+            "heading, deg", (Layer("points", t[thinned], heading[thinned], "heading", width=2.2),)
+        ),
     ]
     reading = ("Dots are exposures. " if eo is not None else "") + _MOTION
     return over_time("motion", "How it moved", reading, panels, marks)
 
 
-def _sigmas(d: Diagnostics, marks: Marks) -> Chart:
-    """Position above attitude, of the filter and after smoothing."""
-    t = marks.minutes(d.time)
-    factor, unit = length_unit(float(np.median(d.smoothed_sigma[:, :3])))
+def _sigmas(run: Diagnostics, marks: Marks) -> Chart:
+    """Return sigmas of position and attitude over time, of the filter and after smoothing."""
+    t = marks.minutes(run.time)
+    factor, unit = length_unit(float(np.median(run.smoothed_sigma[:, :3])))
     rows = ((0, factor, f"sigma of position, {unit}"), (6, math.degrees(1.0), _ATTITUDE))
     panels = [
         Panel(
@@ -230,18 +243,18 @@ def _sigmas(d: Diagnostics, marks: Marks) -> Chart:
             [
                 line(
                     t,
-                    marks.broken(t, scale * sigma[:, first + k]),
+                    marks.broken(t, scale * sigma[:, first_column + k]),
                     NED_NAMES[k] if smoothed else "forward filter",
                     AXES_INKS[k],
                     faint=not smoothed,
                     width=1.8 if smoothed else 1.0,
                 )
-                for smoothed, sigma in ((False, d.filter_sigma), (True, d.smoothed_sigma))
+                for smoothed, sigma in ((False, run.filter_sigma), (True, run.smoothed_sigma))
                 for k in range(3)
             ],
             scale="log",
         )
-        for first, scale, label in rows
+        for first_column, scale, label in rows
     ]
     return over_time("sigmas", "How well it is known", _SIGMAS, panels, marks)
 
@@ -271,11 +284,11 @@ def _sigmas_by_image(eo: ExteriorOrientation) -> Chart:
         )
         for sigma, label in rows
     ]
-    label = f"image, by number (1 is {_short(eo.images[0])})"
+    label = f"image, by number (1 is {_shortened_label(eo.images[0])})"
     title = "How well each image is known"
     return Chart("image-sigmas", title, _BY_IMAGE, panels, label, link="image")
 
 
-def _short(name: str) -> str:
+def _shortened_label(name: str) -> str:
     """Name as it fits a label."""
-    return name if len(name) <= 30 else name[:27] + "..."
+    return name if len(name) <= LONGEST_LABEL else f"{name[: LONGEST_LABEL - 3]}..."

@@ -56,35 +56,35 @@ _SEPARATION = (
 )
 
 
-def innovations(d: Diagnostics, marks: Marks) -> Chart:
-    """North, east, down, NIS over time; rejected fixes are all there."""
-    t = marks.minutes(d.fix_time)
-    kept = _kept(d)
-    reach = max(
-        1.5 * float(np.quantile(np.abs(d.innovation[kept]), 0.98)),
-        1.15 * float(np.quantile(3 * d.innovation_sigma[kept], 0.9)),
+def innovations(run: Diagnostics, marks: Marks) -> Chart:
+    """Return innovations (north, east, down) and NIS over time, rejected fixes included."""
+    t = marks.minutes(run.fix_time)
+    usable = _usable_fixes(run)
+    half_height = max(
+        1.5 * float(np.quantile(np.abs(run.innovation[usable]), 0.98)),
+        1.15 * float(np.quantile(3 * run.innovation_sigma[usable], 0.9)),
     )
-    factor, unit = length_unit(reach / 4)
+    factor, unit = length_unit(half_height / 4)
     panels = [
         Panel(
             f"{name}, {unit}",
             (
                 band(
-                    t, np.zeros_like(t), 3 * factor * d.innovation_sigma[:, k], "3 sigma", "faint"
+                    t, np.zeros_like(t), 3 * factor * run.innovation_sigma[:, k], "3 sigma", "faint"
                 ),
-                *_points(t, factor * d.innovation[:, k], d.used),
+                *_points(t, factor * run.innovation[:, k], run.used),
             ),
-            limits=(-1.03 * factor * reach, 1.03 * factor * reach),
+            limits=(-1.03 * factor * half_height, 1.03 * factor * half_height),
         )
         for k, name in enumerate(NED_NAMES)
     ]
-    low, high = 1e-2, 5.0 * max(d.nis_limit, NIS_95)
+    low, high = 1e-2, 5.0 * max(run.nis_limit, NIS_95)
     nis = Panel(
         "NIS",
         (
-            rules(d.nis_limit),
+            rules(run.nis_limit),
             rules(NIS_95, dashed=True),
-            *_points(t, np.maximum(d.nis, low), d.used),
+            *_points(t, np.maximum(run.nis, low), run.used),
         ),
         scale="log",
         limits=(low, high),
@@ -93,10 +93,10 @@ def innovations(d: Diagnostics, marks: Marks) -> Chart:
     return over_time("innovations", title, _INNOVATIONS, [*panels, nis], marks)
 
 
-def _kept(d: Diagnostics) -> NDArray[np.bool_]:
+def _usable_fixes(run: Diagnostics) -> NDArray[np.bool_]:
     """Return the used fixes with an innovation; all with one where none was used."""
-    finite = np.isfinite(d.innovation.sum(axis=1))
-    return finite & d.used if (finite & d.used).any() else finite
+    finite = np.isfinite(run.innovation.sum(axis=1))
+    return finite & run.used if (finite & run.used).any() else finite
 
 
 def _points(t: Array, y: Array, used: NDArray[np.bool_]) -> Iterator[Layer]:
@@ -105,19 +105,19 @@ def _points(t: Array, y: Array, used: NDArray[np.bool_]) -> Iterator[Layer]:
         yield Layer("points", t[~used], y[~used], "rejected", "warn", mark="cross", width=7.0)
 
 
-def distributions(d: Diagnostics) -> Iterator[Chart]:
+def distributions(run: Diagnostics) -> Iterator[Chart]:
     """Histograms of the normalised innovations and of NIS, with what honest sigmas promise."""
-    kept = _kept(d)
+    usable = _usable_fixes(run)
     edges = np.linspace(-4.5, 4.5, 37)
-    fine = np.linspace(-4.5, 4.5, 181)
-    normal = np.exp(-0.5 * fine**2) / math.sqrt(2.0 * math.pi)
-    ratio = d.innovation[kept] / d.innovation_sigma[kept]
+    density_axis = np.linspace(-4.5, 4.5, 181)
+    normal = np.exp(-0.5 * density_axis**2) / math.sqrt(2.0 * math.pi)
+    ratio = run.innovation[usable] / run.innovation_sigma[usable]
     panels = [
         Panel(
             f"{name}, density",
             (
                 Layer("steps", edges, _density(np.clip(x, -4.499, 4.499), edges), "fixes"),
-                Layer("line", fine, normal, "expected", "second"),
+                Layer("line", density_axis, normal, "expected", "second"),
             ),
         )
         for name, x in zip(NED_NAMES, ratio.T, strict=True)
@@ -130,16 +130,16 @@ def distributions(d: Diagnostics) -> Iterator[Chart]:
         "innovation over its sigma (the ends hold what lies beyond)",
         columns=3,
     )
-    nis = d.nis[kept & np.isfinite(d.nis)]
+    nis = run.nis[usable & np.isfinite(run.nis)]
     if nis.size:
-        edges = np.geomspace(1e-2, max(100.0, 1.2 * d.nis_limit), 49)
+        edges = np.geomspace(1e-2, max(100.0, 1.2 * run.nis_limit), 49)
         shown = np.log(np.clip(nis, edges[0] * 1.001, edges[-1] * 0.999))
         by_log = edges**1.5 * np.exp(-edges / 2.0) / math.sqrt(2.0 * math.pi)
         layers = (
             Layer("steps", edges, _density(shown, np.log(edges)), "fixes"),
             Layer("line", edges, by_log, "expected", "second"),
             Layer("rules", np.array([NIS_95]), np.zeros(0), "95 %", "ink", dashed=True),
-            Layer("rules", np.array([d.nis_limit]), np.zeros(0), "gate", "ink"),
+            Layer("rules", np.array([run.nis_limit]), np.zeros(0), "gate", "ink"),
         )
         axes = Panel("density by ln NIS", layers)
         yield Chart("nis-distribution", "Distribution of NIS", _NIS, [axes], "NIS", scale="log")
@@ -149,37 +149,40 @@ def _density(x: Array, edges: Array) -> Array:
     return np.asarray(np.histogram(x, bins=edges, density=True)[0], dtype=np.float64)
 
 
-def residuals(d: Diagnostics, marks: Marks) -> Chart:
+def residuals(run: Diagnostics, marks: Marks) -> Chart:
     """Means of fixes minus solution, minute by minute; those beyond the limit stand out."""
-    t = marks.minutes(np.array([0.5 * (r.begin_s + r.end_s) for r in d.residuals]))
+    t = marks.minutes(np.array([0.5 * (minute.begin_s + minute.end_s) for minute in run.residuals]))
     mean, sigma = (
-        np.array([getattr(r, key) for r in d.residuals]) for key in ("mean_m", "sigma_m")
+        np.array([getattr(minute, key) for minute in run.residuals])
+        for key in ("mean_m", "sigma_m")
     )
     limit = residual_limit(mean.size)
     factor, unit = length_unit(float(np.median(limit * sigma)))
     panels = []
     for k, name in enumerate(NED_NAMES):
-        y, beyond = factor * mean[:, k], np.abs(mean[:, k]) > limit * sigma[:, k]
+        offset, beyond = factor * mean[:, k], np.abs(mean[:, k]) > limit * sigma[:, k]
         layers = [band(t, np.zeros_like(t), factor * limit * sigma[:, k], "limit", "faint")]
-        layers.append(Layer("points", t[~beyond], y[~beyond], "mean", width=5.0))
+        layers.append(Layer("points", t[~beyond], offset[~beyond], "mean", width=5.0))
         if beyond.any():
             layers.append(
-                Layer("points", t[beyond], y[beyond], "beyond", "warn", mark="cross", width=8.0)
+                Layer(
+                    "points", t[beyond], offset[beyond], "beyond", "warn", mark="cross", width=8.0
+                )
             )
         panels.append(Panel(f"{name}, {unit}", layers))
     title = "Fixes minus solution, minute by minute"
     return over_time("residuals", title, _RESIDUALS, panels, marks)
 
 
-def biases(d: Diagnostics, marks: Marks) -> Chart:
+def biases(run: Diagnostics, marks: Marks) -> Chart:
     """Gyro above accelerometer, the body's three axes in each."""
-    t = marks.minutes(d.time)
+    t = marks.minutes(run.time)
     sensors = ((0, DEG_H_PER_RAD_S, "gyro, deg/h"), (3, MG_PER_M_S2, "accelerometer, mg"))
     panels = []
     for first, scale, label in sensors:
         bands, lines = [], []
         for row, axis in enumerate(("forward", "right", "down")):
-            bias, sigma = scale * d.bias[:, first + row], scale * d.bias_sigma[:, first + row]
+            bias, sigma = scale * run.bias[:, first + row], scale * run.bias_sigma[:, first + row]
             bias = marks.broken(t, bias)
             bands.append(band(t, bias, 3 * sigma, ink=AXES_INKS[row]))
             lines.append(line(t, bias, axis, AXES_INKS[row]))
@@ -187,31 +190,33 @@ def biases(d: Diagnostics, marks: Marks) -> Chart:
     return over_time("biases", "Errors of the IMU", _BIASES, panels, marks)
 
 
-def constants(d: Diagnostics, marks: Marks) -> Chart | None:
+def constants(run: Diagnostics, marks: Marks) -> Chart | None:
     """Lever arm, time offset, scale factors over time; None where no constant was estimated."""
-    c = d.constants
-    if c is None or not c.states:
+    constants = run.constants
+    if constants is None or not constants.states:
         return None
-    t = marks.minutes(d.time)
+    t = marks.minutes(run.time)
     panels = []
-    for label, members in _together(c.states):
-        factor, unit = state_unit(c.states[members[0]])
+    for label, members in _grouped_states(constants.states):
+        factor, unit = state_unit(constants.states[members[0]])
         layers: list[Layer] = []
-        for row, k in enumerate(members):
+        for row, column in enumerate(members):
             ink = AXES_INKS[row % 3]
-            value = marks.broken(t, factor * c.value[:, k])
-            layers.append(band(t, value, 3 * factor * c.filter_sigma[:, k], ink=ink))
-            layers.append(band(t, value, 3 * factor * c.sigma[:, k], ink=ink))
-            state = c.states[k]
+            value = marks.broken(t, factor * constants.value[:, column])
+            layers.append(band(t, value, 3 * factor * constants.filter_sigma[:, column], ink=ink))
+            layers.append(band(t, value, 3 * factor * constants.sigma[:, column], ink=ink))
+            state = constants.states[column]
             name = str(state) if state.sensor else state.axis or "value"
             layers.append(line(t, value, name, ink))
-        reach = _reach(factor * c.value[:, members], 3 * factor * c.filter_sigma[:, members])
-        panels.append(Panel(f"{label}, {unit}", layers, limits=reach))
+        limits = _limits(
+            factor * constants.value[:, members], 3 * factor * constants.filter_sigma[:, members]
+        )
+        panels.append(Panel(f"{label}, {unit}", layers, limits=limits))
     title = "Constants estimated in flight"
     return over_time("constants", title, _CONSTANTS_CAPTION, panels, marks)
 
 
-def _together(states: Sequence[State]) -> list[tuple[str, list[int]]]:
+def _grouped_states(states: Sequence[State]) -> list[tuple[str, list[int]]]:
     """Return constants that share a panel under one name: the three axes of one quantity."""
     groups: dict[str, list[int]] = {}
     for k, state in enumerate(states):
@@ -219,7 +224,7 @@ def _together(states: Sequence[State]) -> list[tuple[str, list[int]]]:
     return list(groups.items())
 
 
-def _reach(value: Array, bound: Array) -> tuple[float, float]:
+def _limits(value: Array, bound: Array) -> tuple[float, float]:
     """Return limits that show the bands of the flight's second half and the values."""
     half = len(value) // 2
     low = min(float(value.min()), float((value - bound)[half:].min()))
@@ -228,10 +233,10 @@ def _reach(value: Array, bound: Array) -> tuple[float, float]:
     return low - pad, high + pad
 
 
-def separation(d: Diagnostics, marks: Marks) -> Chart:
+def separation(run: Diagnostics, marks: Marks) -> Chart:
     """Position, tilt and heading, one above the other."""
-    t = marks.minutes(d.separation_time)
-    finite = d.separation_sigma[:, :3][np.isfinite(d.separation_sigma[:, :3])]
+    t = marks.minutes(run.separation_time)
+    finite = run.separation_sigma[:, :3][np.isfinite(run.separation_sigma[:, :3])]
     factor, unit = length_unit(float(np.median(finite)) if finite.size else 0.0)
     rows = (
         ([0, 1, 2], factor, f"position, {unit}"),
@@ -242,12 +247,12 @@ def separation(d: Diagnostics, marks: Marks) -> Chart:
     for columns, scale, label in rows:
         bands, lines = [], []
         for k in columns:
-            bound = 3 * scale * d.separation_sigma[:, k]
+            bound = 3 * scale * run.separation_sigma[:, k]
             bands.append(band(t, np.zeros_like(t), bound, ink=AXES_INKS[k % 3]))
-            y = marks.broken(t, scale * d.separation[:, k])
-            lines.append(line(t, y, NED_NAMES[k % 3], AXES_INKS[k % 3]))
+            difference = marks.broken(t, scale * run.separation[:, k])
+            lines.append(line(t, difference, NED_NAMES[k % 3], AXES_INKS[k % 3]))
         limits = median_limits(
-            scale * d.separation[:, columns], 3 * scale * d.separation_sigma[:, columns]
+            scale * run.separation[:, columns], 3 * scale * run.separation_sigma[:, columns]
         )
         panels.append(Panel(label, (*bands, *lines), limits=limits))
     return over_time("separation", "Forward against backward", _SEPARATION, panels, marks)

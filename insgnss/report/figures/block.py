@@ -77,16 +77,16 @@ def charts(
     ground : what lies where.
     """
     return (
-        _map(figures, ground),
+        _map_chart(figures, ground),
         precision_map(figures, ground),
-        *(_format(field) for field in fields if len(field.mean)),
+        *(_residual_field(field) for field in fields if len(field.mean)),
         _images(figures),
     )
 
 
-def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
+def _map_chart(figures: Mapping[str, Any], ground: Ground) -> Chart:
     """Images, flight lines, control and check points with their residuals."""
-    X = ground.position
+    position = ground.position
     names = [image["image"] for image in figures["images"]]
     tie_points = ground.point[ground.around(ground.point)]
     tie_points = tie_points[:: max(1, -(-len(tie_points) // MOST_MARKS))]
@@ -96,14 +96,22 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
     lines = [rows for rows in ground.lines if len(rows) > 1]
     numbers = [str(k + 1) for k, rows in enumerate(ground.lines) if len(rows) > 1]
     layers += [
-        Layer("line", X[rows, 0], X[rows, 1], ink=LINE_INKS[k % len(LINE_INKS)], width=2.5)
+        Layer(
+            "line",
+            position[rows, 0],
+            position[rows, 1],
+            ink=LINE_INKS[k % len(LINE_INKS)],
+            width=2.5,
+        )
         for k, rows in enumerate(lines)
     ]
-    layers.append(Layer("points", X[:, 0], X[:, 1], "image", "ink", texts=names, width=4.0))
+    layers.append(
+        Layer("points", position[:, 0], position[:, 1], "image", "ink", texts=names, width=4.0)
+    )
     if lines:
-        starts = X[[rows[0] for rows in lines]]
+        starts = position[[rows[0] for rows in lines]]
         layers.append(Layer("labels", starts[:, 0], starts[:, 1], ink="faint", texts=numbers))
-    points = list(_surveyed(figures))
+    points = list(_surveyed_points(figures))
     reading = "Dots are images."
     if lines:
         reading = (
@@ -113,11 +121,11 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
     if points:
         offsets = np.vstack([p.offset_m for p in points])
         usual = float(np.quantile(np.linalg.norm(offsets, axis=1), 0.9))
-        low, high = X[:, :2].min(axis=0), X[:, :2].max(axis=0)
-        size = 1.5 * float((high - low).max()) + 40.0
-        factor = SHARE * size / max(usual, 1e-9)
+        low, high = position[:, :2].min(axis=0), position[:, :2].max(axis=0)
+        extent = 1.5 * float((high - low).max()) + 40.0
+        factor = SHARE * extent / max(usual, 1e-9)
         for group in points:
-            layers += group.layers(factor, 0.02 * size)
+            layers += group.layers(factor, 0.02 * extent)
         scale, unit = length_unit(usual)
         reading += (
             f" Arrows: surveyed minus adjusted, east and north, {factor:.0f} times enlarged"
@@ -152,7 +160,7 @@ class _SurveyedPoints:
         yield Layer("labels", x, y + above, ink="ink", texts=self.names)
 
 
-def _surveyed(figures: Mapping[str, Any]) -> Iterator[_SurveyedPoints]:
+def _surveyed_points(figures: Mapping[str, Any]) -> Iterator[_SurveyedPoints]:
     """Yield ground control and check points, as far as there are residuals."""
     kinds: tuple[tuple[str, str, str, Ink, Mark], ...] = (
         ("ground control", "ground_control", "residual_m", "second", "triangle"),
@@ -177,9 +185,9 @@ def precision_map(
     ground : what lies where.
     proposed : (2,) or (3,) where one more control point would help; None: nowhere.
     """
-    near = np.flatnonzero(ground.around(ground.point))
-    near = near[:: max(1, -(-near.size // MOST_MARKS))]
-    shown, up = ground.point[near], 1e3 * ground.sigma[near, 2]
+    shown_points = np.flatnonzero(ground.around(ground.point))
+    shown_points = shown_points[:: max(1, -(-shown_points.size // MOST_MARKS))]
+    shown, up = ground.point[shown_points], 1e3 * ground.sigma[shown_points, 2]
     layers = [
         Layer(
             "points",
@@ -214,15 +222,15 @@ def precision_map(
     return Chart("precision", title, reading, [Panel("north, m", layers)], "east, m", map=True)
 
 
-def _format(field: Field) -> Chart:
-    """Mean residuals by place on the format."""
+def _residual_field(field: Field) -> Chart:
+    """Return the chart of mean residuals (px) by position on the image format."""
     width, height = field.size
-    size = np.linalg.norm(field.mean, axis=1)
+    magnitude = np.linalg.norm(field.mean, axis=1)
     noise = float(np.sqrt((field.sigma**2).sum(axis=1).mean()))
-    factor = 0.06 * width / max(float(np.quantile(size, 0.9)), noise, 1e-9)
-    x, y = field.centre[:, 0], height - field.centre[:, 1]
-    turn = np.linspace(0.0, 2.0 * np.pi, 49)
-    ring = factor * noise * np.array([np.cos(turn), np.sin(turn)])
+    factor = 0.06 * width / max(float(np.quantile(magnitude, 0.9)), noise, 1e-9)
+    column, row = field.centre[:, 0], height - field.centre[:, 1]
+    angle = np.linspace(0.0, 2.0 * np.pi, 49)
+    ring = factor * noise * np.array([np.cos(angle), np.sin(angle)])
     corner = np.array([CIRCLE * width, (1.0 - CIRCLE) * height])
     texts = [f"{dx:+.3f} {dy:+.3f} px" for dx, dy in field.mean]
     layers = [
@@ -233,11 +241,11 @@ def _format(field: Field) -> Chart:
             ink="faint",
             width=1.0,
         ),
-        Layer("points", x, y, ink="first", texts=texts, width=2.5, faint=True),
+        Layer("points", column, row, ink="first", texts=texts, width=2.5, faint=True),
         Layer(
-            *("arrows", x, y, "mean residual"),
-            x2=x + factor * field.mean[:, 0],
-            y2=y - factor * field.mean[:, 1],
+            *("arrows", column, row, "mean residual"),
+            x2=column + factor * field.mean[:, 0],
+            y2=row - factor * field.mean[:, 1],
         ),
         Layer("line", corner[0] + ring[0], corner[1] + ring[1], "by chance", "warn"),
     ]
@@ -270,12 +278,12 @@ def _images(figures: Mapping[str, Any]) -> Chart:
         return Layer("points", number, values, name, ink, texts=names, width=5.0)
 
     panels = [
-        Panel("rms, px", [dots(rms, "", "first")], limits=_from_zero(rms)),
+        Panel("rms, px", [dots(rms, "", "first")], limits=_limits_from_zero(rms)),
         *(
             Panel(
                 label,
                 [dots(values[:, k], axis, AXES_INKS[k]) for k, axis in enumerate(axes)],
-                limits=_from_zero(values),
+                limits=_limits_from_zero(values),
             )
             for label, values, axes in (
                 ("sigma, mm", sigma, ("E", "N", "U")),
@@ -294,7 +302,7 @@ def _images(figures: Mapping[str, Any]) -> Chart:
     return Chart("by-image", title, reading, panels, label, link="image", limits=ends)
 
 
-def _from_zero(values: Array) -> tuple[float, float]:
+def _limits_from_zero(values: Array) -> tuple[float, float]:
     """Limits from zero to somewhat above the largest of the values that are known."""
     finite = values[np.isfinite(values)]
     return 0.0, 1.08 * float(finite.max(initial=1e-9))

@@ -87,7 +87,7 @@ def _over_time(
             Panel(
                 f"{component}, {curve.unit}",
                 _layers(x, curve, names, remaining),
-                limits=_reach(curve),
+                limits=_panel_limits(curve),
             )
             for component, curve in curves
         ],
@@ -97,6 +97,7 @@ def _over_time(
 
 
 def _layers(x: Array, curve: Curve, names: Sequence[str], remaining: bool) -> list[Layer]:
+    """Return the layers of one curve: zero line, three-sigma band, dots or, of many, a line."""
     ink: Ink = "second" if remaining else "first"
     along, y, sigma = _broken(x, curve.values, curve.sigma)
     layers = [Layer("rules", np.zeros(0), np.zeros(1), ink="faint", width=1.0)]
@@ -121,18 +122,18 @@ def _broken(x: Array, y: Array, sigma: Array | None) -> tuple[Array, Array, Arra
     )
 
 
-def _reach(curve: Curve) -> tuple[float, float]:
-    """Limits that hold all differences, and three standard deviations where they are as small."""
-    y, sigma = curve.values, curve.sigma
-    reach = 1.1 * max(float(np.abs(y).max()), LEAST_HALF_HEIGHT[curve.unit])
-    low, high = min(float(y.min()), 0.0), max(float(y.max()), 0.0)
-    if sigma is not None and 3.0 * float(np.median(sigma)) < 4.0 * reach:
-        widest = max(reach, 3.3 * float(np.median(sigma)))
+def _panel_limits(curve: Curve) -> tuple[float, float]:
+    """Return limits that hold all differences, and three sigmas where these are as small."""
+    values, sigma = curve.values, curve.sigma
+    half_height = 1.1 * max(float(np.abs(values).max()), LEAST_HALF_HEIGHT[curve.unit])
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    if sigma is not None and 3.0 * float(np.median(sigma)) < 4.0 * half_height:
+        widest = max(half_height, 3.3 * float(np.median(sigma)))
         return (
             min(low, -widest) if low < 0 else -0.3 * widest,
             max(high, widest) if high > 0 else 0.3 * widest,
         )
-    return low - 0.1 * reach, high + 0.1 * reach
+    return low - 0.1 * half_height, high + 0.1 * half_height
 
 
 def _distribution(panels: Sequence[ComparisonPanel]) -> Chart:
@@ -155,6 +156,7 @@ def _distribution(panels: Sequence[ComparisonPanel]) -> Chart:
 
 
 def _histogram(panel: ComparisonPanel) -> Panel:
+    """Return the density of differences over sigmas; their counts where no sigma is stated."""
     values, sigma, unit = panel.difference.values, panel.difference.sigma, panel.difference.unit
     if sigma is None:
         count, edges = np.histogram(values, bins=40)

@@ -76,9 +76,9 @@ def scattered(
         low, high = deviation[:, 2] - data.sigma[:, 2], deviation[:, 2] + data.sigma[:, 2]
         below = float(low.min()) - 0.15 * max(float(high.max() - low.min()), 1e-9)
         height = np.full(number.size, factor * below)
-        last = panels[-1]
-        words_below = Layer("labels", number, height, ink="faint", texts=names)
-        panels[-1] = Panel(last.label, [*last.layers, words_below])
+        lowest_panel = panels[-1]
+        name_labels = Layer("labels", number, height, ink="faint", texts=names)
+        panels[-1] = Panel(lowest_panel.label, [*lowest_panel.layers, name_labels])
     reading = f"Dots: {kind}s, with the line where all would lie without errors."
     if data.sigma.any():
         reading = (
@@ -93,7 +93,7 @@ def scattered(
 
 
 def _scatter_layers(data: Scatter, k: int, factor: float, label: str) -> list[Layer]:
-    """Band of the mean, bars and dots of one axis."""
+    """Return the layers of axis `k`: band of the mean, error bars and dots."""
     number = np.arange(1.0, len(data.names) + 1.0)
     deviation, sigma = factor * (data.each[:, k] - data.mean[k]), factor * data.sigma[:, k]
     ends, half = np.array([0.5, number.size + 0.5]), np.full(2, factor * data.mean_sigma[k])
@@ -109,14 +109,14 @@ def _scatter_layers(data: Scatter, k: int, factor: float, label: str) -> list[La
             continue
         x, y, s = number[chosen], deviation[chosen], sigma[chosen]
         if s.any():
-            bars = _upright(x, y - s, y + s)
+            bars = _error_bars(x, y - s, y + s)
             layers.append(Layer("line", *bars, ink=ink))
-        names = [n for n, taken in zip(data.names, chosen, strict=True) if taken]
+        names = [n for n, shown in zip(data.names, chosen, strict=True) if shown]
         layers.append(Layer("points", x, y, name, ink, texts=names, width=7.0))
     return layers
 
 
-def _upright(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
+def _error_bars(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Return a line of upright bars, broken between them; x ascends, a bar leans by a hair."""
     hairs = np.array([-HAIR, HAIR, 2.0 * HAIR])
     gap = np.full(x.size, np.nan)
@@ -187,18 +187,19 @@ def residuals(data: Residuals) -> tuple[Chart, ...]:
             limits=(-5.0, 365.0),
         )
         charts.append(course)
-    return (*charts, _map(data))
+    return (*charts, _residual_map(data))
 
 
 def _numbered(rows: NDArray[np.bool_]) -> list[str]:
     return [f"image {k + 1}" for k in np.flatnonzero(rows)]
 
 
-def _map(data: Residuals) -> Chart:
+def _residual_map(data: Residuals) -> Chart:
+    """Return the chart of horizontal residuals as arrows at the camera positions."""
     plan, residual = data.position[:, :2], data.residual[:, :2]
     usual = float(np.quantile(np.linalg.norm(residual, axis=1), 0.9))
-    size = float(np.ptp(plan, axis=0).max())
-    scale = 0.06 * size / max(usual, 1e-9)
+    extent = float(np.ptp(plan, axis=0).max())
+    scale = 0.06 * extent / max(usual, 1e-9)
     (x, y), (east, north) = plan.T, scale * residual.T
     texts = _numbered(np.ones(len(plan), dtype=np.bool_))
     layers = [
@@ -247,14 +248,14 @@ def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Chart, .
             f"over-{label.partition(',')[0].replace(' ', '-')}",
             f"What is left, over {label.partition(',')[0]}",
             reading,
-            [Panel(name, _over(x, values)) for name, values in shown],
+            [Panel(name, _dots_and_means(x, values)) for name, values in shown],
             label,
         )
         for label, x in against.items()
     )
 
 
-def _over(x: Array, values: Array) -> list[Layer]:
+def _dots_and_means(x: Array, values: Array) -> list[Layer]:
     """Dots of every image, and lines of the means of images alike."""
     layers = [ZERO]
     texts = _numbered(np.ones(x.size, dtype=np.bool_))

@@ -232,8 +232,8 @@ def _curve(
     yield Layer("band", tau, low, "", "first", y2=high, faint=several)
     yield Layer("line", tau, deviation, "", "first", width=1.0, faint=True)
     texts = [
-        f"{label}: {_number(y)} within {_number(a)} and {_number(b)}"
-        for y, a, b in zip(deviation, low, high, strict=True)
+        f"{label}: {_number(level)} within {_number(lower)} and {_number(upper)}"
+        for level, lower, upper in zip(deviation, low, high, strict=True)
     ]
     inks: tuple[tuple[NDArray[np.bool_], Ink, str], ...] = (
         (used, "first", model_name and f"{model_name}, 95 %"),
@@ -242,7 +242,7 @@ def _curve(
     for mask, ink, name in inks:
         if mask.any():
             kept = [text for text, shown in zip(texts, mask, strict=True) if shown]
-            size = 4.0 if several else 6.0
+            diameter = 4.0 if several else 6.0
             yield Layer(
                 "points",
                 tau[mask],
@@ -250,29 +250,34 @@ def _curve(
                 name,
                 ink,
                 texts=kept,
-                width=size,
+                width=diameter,
                 faint=several,
             )
     if not several and panel.modelled.size:
         model = factor * np.exp(
             np.interp(np.log(tau), np.log(panel.tau_s), np.log(_deviation(panel.modelled)))
         )
-        bad = used & ((model < low) | (model > high)) & (np.abs(model / deviation - 1.0) > MISFIT)
-        if bad.any():
+        misfitted = (
+            used & ((model < low) | (model > high)) & (np.abs(model / deviation - 1.0) > MISFIT)
+        )
+        if misfitted.any():
             name = f"fit off by more than {100 * MISFIT:g} %"
-            yield Layer("points", tau[bad], deviation[bad], name, "warn", mark="ring", width=8.0)
+            yield Layer(
+                "points", tau[misfitted], deviation[misfitted], name, "warn", mark="ring", width=8.0
+            )
 
 
 def _spectrum(panel: SpectrumPanel, unit: str) -> Panel:
+    """Return the panel of measured and modelled densities, with the lines of propellers."""
     factor = 1.0 / parse_unit(AXIS_UNITS[panel.sensor]).scale
     inside = panel.frequency_hz > 0.0
-    f, density = panel.frequency_hz[inside], factor * panel.density[inside]
+    frequency, density = panel.frequency_hz[inside], factor * panel.density[inside]
     models = [(label, factor * model[inside]) for label, model in panel.models]
     shown = np.concatenate([density, *(model for _, model in models)])
     top = 1.8 * float(shown.max())
-    layers = [Layer("line", f, density, "in straight flight", "first", width=1.1)]
+    layers = [Layer("line", frequency, density, "in straight flight", "first", width=1.1)]
     layers += [
-        Layer("line", f, model, label, ink, width=2.0)
+        Layer("line", frequency, model, label, ink, width=2.0)
         for (label, model), ink in zip(models, MODEL_INKS, strict=False)
     ]
     lines = np.array(sorted(panel.lines_hz))
@@ -281,7 +286,11 @@ def _spectrum(panel: SpectrumPanel, unit: str) -> Panel:
         layers.append(
             Layer("rules", lines, nothing, "lines (propellers)", "warn", width=1.0, dashed=True)
         )
-        distinct = [k for k in range(lines.size) if k == 0 or lines[k] > 1.25 * lines[k - 1]]
+        distinct = [
+            index
+            for index in range(lines.size)
+            if index == 0 or lines[index] > 1.25 * lines[index - 1]
+        ]
         labelled = lines[distinct]
         texts = [f"{frequency:.3g} Hz" for frequency in labelled]
         layers.append(
@@ -320,6 +329,7 @@ def _number(value: float) -> str:
 
 
 def _duration(seconds: float) -> str:
+    """Return seconds in the unit that suits them, "12 ms" or "3 h"."""
     for unit, length, until in (
         ("ms", 1e-3, 0.1),
         ("s", 1.0, 600.0),

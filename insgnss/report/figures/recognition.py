@@ -91,7 +91,7 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     return np.asarray((time >= time[first]) & (time < time[first] + length))
 
 
-def _reach(*series: Array) -> tuple[float, float] | None:
+def _symmetric_limits(*series: Array) -> tuple[float, float] | None:
     """Return limits that a few outliers of GNSS do not widen."""
     finite = np.concatenate([x[np.isfinite(x)] for x in series])
     if not finite.size:
@@ -113,7 +113,7 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
             Layer("line", x, felt, "felt by the IMU", AXES_INKS[k]),
             Layer("points", x, of_gnss, "seen by GNSS", "ink", width=3.5),
         ]
-        return Panel(label, layers, limits=_reach(felt, of_gnss))
+        return Panel(label, layers, limits=_symmetric_limits(felt, of_gnss))
 
     panels = [panel("turn rate about the vertical, deg/s", gyro, gnss, 0)]
     for k, name in enumerate(BODY):
@@ -126,15 +126,17 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
 
 
 def _orientations(score: Array, names: Sequence[str], certain: bool) -> Chart:
-    """The best of the 24 scores, highest on top, and marked where it is `certain` to be right."""
+    """Return the best of 24 scores, highest on top, marked where it is `certain` to be right."""
     order = np.argsort(score)[-BEST:]
     rank, ordered = np.arange(1.0, order.size + 1.0), score[order]
     texts = [names[k] for k in order]
-    best = Layer("points", ordered[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0)
+    best_mark = Layer(
+        "points", ordered[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0
+    )
     layers = [
         Layer("rules", np.zeros(1), np.zeros(0), ink="faint", width=1.0),
         Layer("points", ordered, rank, ink="faint", texts=texts, width=7.0),
-        *([best] if certain else []),
+        *([best_mark] if certain else []),
         Layer("labels", np.full(rank.size, WORDS_AT), rank, ink="ink", texts=texts),
     ]
     unsure = "" if certain else " None is sure here."
@@ -149,23 +151,23 @@ def _orientations(score: Array, names: Sequence[str], certain: bool) -> Chart:
 
 
 def _clock(curves: Mapping[str, Array], offset: str) -> Chart:
-    """Share of what GNSS saw that the IMU explains, against the time offset.
+    """Return the share of the GNSS motion that the IMU explains, against the time offset.
 
     `offset` is the offset found, with its unit.
     """
     lag, score = curves["lag_s"], np.maximum(curves["lag_score"], -0.2)
     middle = float(offset.split()[0]) if offset else 0.0
-    wide = np.abs(lag - middle) < SHOWN_LAG_S
-    if not wide.any():
-        wide[:] = True
-    layers = [Layer("line", lag[wide], score[wide])]
+    in_view = np.abs(lag - middle) < SHOWN_LAG_S
+    if not in_view.any():
+        in_view[:] = True
+    layers = [Layer("line", lag[in_view], score[in_view])]
     if offset:
-        summit = np.array([middle])
+        maximum = np.array([middle])
         layers += [
-            Layer("rules", summit, np.zeros(0), ink="second"),
-            Layer("labels", summit, np.array([0.06]), ink="second", texts=[offset], width=13.0),
+            Layer("rules", maximum, np.zeros(0), ink="second"),
+            Layer("labels", maximum, np.array([0.06]), ink="second", texts=[offset], width=13.0),
         ]
-    lowest = min(-0.05, float(np.nanmin(score[wide])))
+    lowest = min(-0.05, float(np.nanmin(score[in_view])))
     return Chart(
         "clock",
         "Agreement against the time offset",

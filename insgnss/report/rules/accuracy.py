@@ -32,15 +32,15 @@ LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight: beyond it, its signs are
 EARTH_RATE_DEG_H = 15.041  # of the Earth against the stars
 
 
-def standing(f: Figures) -> Iterator[Finding]:
+def standing(figures: Figures) -> Iterator[Finding]:
     """Yield the accuracy of a sensor at a given position."""
-    if not f["standing"]:
+    if not figures["standing"]:
         return
     attitude, bias = (
-        f["trajectory"]["attitude_deg"]["median"],
-        max(f["biases"]["gyro_sigma_deg_h"][:2]),
+        figures["trajectory"]["attitude_deg"]["median"],
+        max(figures["biases"]["gyro_sigma_deg_h"][:2]),
     )
-    level = EARTH_RATE_DEG_H * math.cos(math.radians(f["flight"]["gnss"]["stationary"][0]))
+    level = EARTH_RATE_DEG_H * math.cos(math.radians(figures["flight"]["gnss"]["stationary"][0]))
     rate = level * math.radians(attitude[2])
     text = (
         "standing at a given place: attitude from the Earth's rotation and gravity; heading sigma"
@@ -56,9 +56,9 @@ def standing(f: Figures) -> Iterator[Finding]:
     )
 
 
-def code(f: Figures) -> Iterator[Finding]:
+def code(figures: Figures) -> Iterator[Finding]:
     """Yield the absolute position where no ambiguities were fixed (float ambiguities, code)."""
-    north, east, down = f["trajectory"]["position_mm"]["median"]
+    north, east, down = figures["trajectory"]["position_mm"]["median"]
     horizontal = math.hypot(north, east)
     if horizontal < CODE_MM:
         return
@@ -66,13 +66,13 @@ def code(f: Figures) -> Iterator[Finding]:
         f"absolute position is known to {millimetres(horizontal)} horizontally and"
         f" {millimetres(down)} in height only"
     )
-    if f["time_correlated_errors"]:
-        slowest = max(error["time_s"] for error in f["time_correlated_errors"])
+    if figures["time_correlated_errors"]:
+        slowest = max(error["time_s"] for error in figures["time_correlated_errors"])
         text += (
             f": the receiver's slow errors stay for {slowest / MINUTE_S:.0f} minutes and no"
             " averaging removes them"
         )
-        minute = [_relative_mm(f, axis) for axis in range(3)]
+        minute = [_relative_mm(figures, axis) for axis in range(3)]
         if math.hypot(*minute[:2]) < horizontal and minute[2] < down:
             at_worst = (
                 f"{millimetres(math.hypot(*minute[:2]))} and {millimetres(minute[2])} at the worst"
@@ -86,25 +86,25 @@ def code(f: Figures) -> Iterator[Finding]:
     )
 
 
-def _relative_mm(f: Figures, axis: int) -> float:
+def _relative_mm(figures: Figures, axis: int) -> float:
     """Sigma of the change in a minute of Gauss-Markov errors, 2 s^2 (1 - exp(-t / T)) each.
 
     It is a bound for what uses the IMU as well.
     """
     changes = [
         2.0 * error["sigma_m"][axis] ** 2 * -math.expm1(-MINUTE_S / error["time_s"])
-        for error in f["time_correlated_errors"]
+        for error in figures["time_correlated_errors"]
     ]
     return 1e3 * math.sqrt(sum(changes))
 
 
-def heights(f: Figures) -> Iterator[Finding]:
+def heights(figures: Figures) -> Iterator[Finding]:
     """Yield heights that are much less accurate than the horizontal."""
-    north, east, down = f["trajectory"]["position_mm"]["median"]
+    north, east, down = figures["trajectory"]["position_mm"]["median"]
     ratio = down / max(north, east)
-    if ratio < HEIGHT_RATIO or f["standing"]:
+    if ratio < HEIGHT_RATIO or figures["standing"]:
         return
-    sigma = f["innovations"]["median_sigma_mm"]
+    sigma = figures["innovations"]["median_sigma_mm"]
     of_fixes = sigma is not None and sigma[2] > SHARE_OF_FIXES * ratio * max(sigma[:2])
     text = (
         f"heights are known to {millimetres(down)}, {ratio:.1f} times as uncertain as east and"
@@ -119,11 +119,11 @@ def heights(f: Figures) -> Iterator[Finding]:
     yield ranked("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
 
 
-def overall_attitude(f: Figures) -> Iterator[Finding]:
+def overall_attitude(figures: Figures) -> Iterator[Finding]:
     """Yield heading and tilt of the whole flight against what a good flight shows."""
-    if f["standing"]:
+    if figures["standing"]:
         return
-    median = (f["exposures"] or f["trajectory"])["attitude_deg"]["median"]
+    median = (figures["exposures"] or figures["trajectory"])["attitude_deg"]["median"]
     if median[2] > GOOD_HEADING_DEG:
         times = (
             f"{median[2] / tilt(median):.1f} times the sigma of tilt"
@@ -138,15 +138,15 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
             "make sharper and more frequent turns, or use a better gyro, or two antennas with their"
             " heading in [[measurement]]"
         )
-        if tried_deg := f.get("heading_with_antennas_deg"):
+        if tried_deg := figures.get("heading_with_antennas_deg"):
             help_ += f" (tried: 1 m apart, {degrees(tried_deg)} would be left of this flight)"
-        if sigmas_deg := f.get("heading_with_sensors_deg"):
+        if sigmas_deg := figures.get("heading_with_sensors_deg"):
             by_gain = sorted(sigmas_deg, key=lambda name: sigmas_deg[name])
             sigmas = ", ".join(f"{name} {degrees(sigmas_deg[name])}" for name in by_gain)
             help_ += f"; other sensors would leave: {sigmas}"
         yield ranked("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG:
-        same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])
+        same, accel = 1e3 * math.radians(tilt(median)), max(figures["biases"]["accel_sigma_mg"][:2])
         text = (
             f"tilt is known to {degrees(tilt(median))} in the median, as much as a level"
             f" accelerometer's bias of {same:.2g} mg tilts the images"
@@ -160,17 +160,17 @@ def overall_attitude(f: Figures) -> Iterator[Finding]:
         )
 
 
-def boresight(f: Figures) -> Iterator[Finding]:
+def boresight(figures: Figures) -> Iterator[Finding]:
     """Yield a large bore-sight that turns the heading of the images by more than its sigma.
 
     Nothing in a flight shows whether its signs are right; it is one number that a person can check.
     One that a calibration found has no signs to be mistaken, and one that is accepted was checked;
     of one of ordinary size `hidden` says what an error of it does.
     """
-    turn = f["boresight_heading_deg"]
-    if turn is None or f["exposures"] is None or known_boresight(f["flight"]):
+    turn = figures["boresight_heading_deg"]
+    if turn is None or figures["exposures"] is None or known_boresight(figures["flight"]):
         return
-    sigma = f["exposures"]["attitude_deg"]["median"][2]
+    sigma = figures["exposures"]["attitude_deg"]["median"][2]
     if abs(turn) <= max(sigma, LARGE_TURN_DEG):
         return
     text = (
@@ -187,16 +187,16 @@ def boresight(f: Figures) -> Iterator[Finding]:
     )
 
 
-def gyro_bias(f: Figures) -> Iterator[Finding]:
+def gyro_bias(figures: Figures) -> Iterator[Finding]:
     """Yield gyro biases that the flight left undetermined."""
-    sigma = f["biases"]["gyro_sigma_deg_h"]
+    sigma = figures["biases"]["gyro_sigma_deg_h"]
     worst = max(range(3), key=lambda k: sigma[k])
     if sigma[worst] < GOOD_GYRO_DEG_H:
         return
     of_minute = degrees(sigma[worst] * MINUTE_S / 3600.0)
     text = (
-        f"the gyro bias {f['biases']['axes'][worst]} is known to {sigma[worst]:.0f} deg/h only at"
-        f" the end: where GNSS is missing, the images turn by {of_minute} a minute"
+        f"the gyro bias {figures['biases']['axes'][worst]} is known to {sigma[worst]:.0f} deg/h"
+        f" only at the end: where GNSS is missing, the images turn by {of_minute} a minute"
     )
     yield ranked(
         "gyro bias",
@@ -206,28 +206,33 @@ def gyro_bias(f: Figures) -> Iterator[Finding]:
     )
 
 
-def arm_states(f: Figures) -> dict[str, Figures]:
+def arm_states(figures: Figures) -> dict[str, Figures]:
     """Return the states of the lever arm's error by axis."""
-    named = {state["name"]: state for state in f["states"]}
+    named = {state["name"]: state for state in figures["states"]}
     return {state.axis: named[str(state)] for state in OF_LEVER_ARM if str(state) in named}
 
 
-def lever_arm(f: Figures) -> Iterator[Finding]:
+def lever_arm(figures: Figures) -> Iterator[Finding]:
     """Yield a lever arm that was estimated far from what the mounting states.
 
     The flight measures only the vector from IMU to antenna: which of both places is wrong, it
     cannot determine, and the images move with that of the IMU. Who states a sigma that holds
     the departure says that it is the antenna's.
     """
-    arm = arm_states(f)
-    if f["exposures"] is None or f["standing"] or not arm or "mounting" not in f["flight"]:
+    arm = arm_states(figures)
+    if (
+        figures["exposures"] is None
+        or figures["standing"]
+        or not arm
+        or "mounting" not in figures["flight"]
+    ):
         return
-    mounting, options = f["flight"]["mounting"], f["flight"]["filter"]
-    least = 0.0
+    mounting, options = figures["flight"]["mounting"], figures["flight"]["filter"]
+    adopted_sigma = 0.0
     if options["lever_arm"] and options["lever_arm_sigma_m"] != USUAL_ARM_SIGMA_M:
-        least = options["lever_arm_sigma_m"]
+        adopted_sigma = options["lever_arm_sigma_m"]
     beyond = [
-        abs(arm[of.axis]["value"]) / math.hypot(arm[of.axis]["sigma"], max(stated, least))
+        abs(arm[of.axis]["value"]) / math.hypot(arm[of.axis]["sigma"], max(stated, adopted_sigma))
         for of, stated in zip(
             OF_LEVER_ARM, antenna_sigmas(mounting["antenna_sigma_m"]), strict=True
         )
@@ -235,7 +240,7 @@ def lever_arm(f: Figures) -> Iterator[Finding]:
     ]
     if not beyond or max(beyond) <= SIGNIFICANT:
         return
-    value = [arm[s.axis]["value"] if s.axis in arm else 0.0 for s in OF_LEVER_ARM]
+    value = [arm[state.axis]["value"] if state.axis in arm else 0.0 for state in OF_LEVER_ARM]
     difference = _in_camera(mounting, value)
     antenna = _millimetre_list(mounting["antenna_m"], difference, 1.0)
     imu = _millimetre_list(mounting["imu_m"], difference, -1.0)
@@ -266,19 +271,19 @@ def _in_camera(mounting: Figures, vector: Sequence[float]) -> list[float]:
     return list(vector)
 
 
-def states(f: Figures) -> Iterator[Finding]:
+def states(figures: Figures) -> Iterator[Finding]:
     """Yield what became of the constants that the flight was to estimate.
 
     Those that it does not determine come first, then the values of the others; of those that the
     flight file does not ask for the check that adopted them has the values.
     """
-    typical = max(f["trajectory"]["position_mm"]["median"])
-    of_imu, estimated, of_antenna = [], [], False
+    typical = max(figures["trajectory"]["position_mm"]["median"])
+    unobserved, estimated, of_antenna = [], [], False
     of_arm = {str(state) for state in OF_LEVER_ARM}
-    for state in f["states"]:
+    for state in figures["states"]:
         factor, unit = state["per_unit"], state["unit"]
         if not state["observed"] and state["moves_m"] is None:
-            of_imu.append(state["name"])
+            unobserved.append(state["name"])
         elif not state["observed"]:
             text = (
                 f"the flight does not determine the {state['name']}: sigma"
@@ -307,13 +312,14 @@ def states(f: Figures) -> Iterator[Finding]:
             f" {some(estimated, MOST_STATES)}",
             "the flight measures only the vector from IMU to antenna: if imu_m is wrong instead,"
             " the images are off by as much; measure both"
-            if of_antenna and not any(lever_arm(f))
+            if of_antenna and not any(lever_arm(figures))
             else "",
         )
-    if of_imu:
+    if unobserved:
         yield ranked(
             "constants",
             REMARK,
-            f"the flight cannot determine {some(of_imu, MOST_STATES)}; no image suffers from it",
+            f"the flight cannot determine {some(unobserved, MOST_STATES)}; no image suffers from"
+            " it",
             "leave them out of [filter]",
         )

@@ -43,25 +43,25 @@ def judged(consistency: Figures) -> str:
     return str(consistency["verdict"])
 
 
-def residuals(f: Figures) -> Iterator[Finding]:
+def residuals(figures: Figures) -> Iterator[Finding]:
     """Yield the minute in which the solution is farthest from its own fixes, beyond all claims."""
-    r = f["residuals"]
+    r = figures["residuals"]
     if r is None or r["worst"]["sigmas"] <= r["limit"]:
         return
     worst, beyond, pieces = r["worst"], r["beyond"], len(r["pieces"])
     text = (
         f"the trajectory is {millimetres(worst['mean_mm'])} {worst['axis']} off its own GNSS"
-        f" positions in the mean of {span(f, worst['begin_s'], worst['end_s'])}, and so are the"
-        f" images; {worst['sigmas']:.1f} times what the sigmas allow (limit {r['limit']:.1f};"
+        f" positions in the mean of {span(figures, worst['begin_s'], worst['end_s'])}, and so are"
+        f" the images; {worst['sigmas']:.1f} times what the sigmas allow (limit {r['limit']:.1f};"
         f" beyond it {beyond} of {pieces} pieces)"
     )
     help_ = "find the cause before positions or sigmas there are used"
     yield ranked("residuals", RANK_UNSUPPORTED + worst["sigmas"], text, help_)
 
 
-def apart(f: Figures) -> Iterator[tuple[float, str, str, float]]:
+def apart(figures: Figures) -> Iterator[tuple[float, str, str, float]]:
     """Yield the separations that exceed their sigmas: over the bound, text, state, over a sigma."""
-    separation = f["separation"]
+    separation = figures["separation"]
     for state, ratios in separation["normalised_rms"].items():
         bounds = separation["bound"][state]
         for ratio, bound, axis in zip(ratios, bounds, separation["axes"], strict=True):
@@ -69,41 +69,44 @@ def apart(f: Figures) -> Iterator[tuple[float, str, str, float]]:
                 yield float(ratio / limit), f"{ratio:.1f} in {state} {axis}", state, float(ratio)
 
 
-def rejected(f: Figures) -> Iterator[Finding]:
+def rejected(figures: Figures) -> Iterator[Finding]:
     """Yield the fixes and velocities that the gate rejected.
 
     Fixes that are withheld as incorrect are those of a check, which says why.
     """
-    some, most = [], 0.0
+    shares, largest_share = [], 0.0
     for total, key in (("fixes", "fixes_rejected"), ("velocities", "velocities_rejected")):
-        withheld = f["counts"]["fixes_withheld"] if total == "fixes" else 0
-        n, out = f["counts"].get(total, 0), f["counts"].get(key, 0) - withheld
-        if n and out == n:
+        withheld = figures["counts"]["fixes_withheld"] if total == "fixes" else 0
+        count = figures["counts"].get(total, 0)
+        rejected_count = figures["counts"].get(key, 0) - withheld
+        if count and rejected_count == count:
             text = (
-                f"all {n} {total} were rejected, because they contradict the inertial data: nothing"
-                " supports the images"
+                f"all {count} {total} were rejected, because they contradict the inertial data:"
+                " nothing supports the images"
             )
             yield ranked("rejected", RANK_UNSUPPORTED, text, "check clock, axes and lever arm")
-        elif n and out > REJECTED_MATTERS * n:
-            some.append(f"{out} of {n} {total} ({100 * out / n:.1f} %)")
-            most = max(most, out / n)
-    if some:
+        elif count and rejected_count > REJECTED_MATTERS * count:
+            shares.append(
+                f"{rejected_count} of {count} {total} ({100 * rejected_count / count:.1f} %)"
+            )
+            largest_share = max(largest_share, rejected_count / count)
+    if shares:
         text = (
-            f"{' and '.join(some)} were rejected by the gate and support no image: their sigmas do"
-            " not describe their errors"
+            f"{' and '.join(shares)} were rejected by the gate and support no image: their sigmas"
+            " do not describe their errors"
         )
         help_ = (
             "look at the crosses in the figures; take the receiver's own sigma of each fix where it"
             " gives one"
         )
-        yield ranked("rejected", most / REJECTED_MATTERS, text, help_)
+        yield ranked("rejected", largest_share / REJECTED_MATTERS, text, help_)
 
 
-def covariance_resets(f: Figures) -> Iterator[Finding]:
+def covariance_resets(figures: Figures) -> Iterator[Finding]:
     """Yield the covariance resets after rejected fixes."""
-    times = f["covariance_resets_s"]
+    times = figures["covariance_resets_s"]
     if times:
-        instants = some((at_time(f, time) for time in times), 5)
+        instants = some((at_time(figures, time) for time in times), 5)
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
             f"the filter lost the fixes, its covariance was reset {count} ({instants}): only later"
@@ -117,9 +120,9 @@ def covariance_resets(f: Figures) -> Iterator[Finding]:
         )
 
 
-def barometer(f: Figures) -> Iterator[Finding]:
+def barometer(figures: Figures) -> Iterator[Finding]:
     """Yield heights of a barometer that do not agree with their sigmas."""
-    c = f["consistency"].get("barometer")
+    c = figures["consistency"].get("barometer")
     if c is not None and judged(c) == "overconfident":
         text = (
             f"the barometer's heights scatter {c['size']:.2f} times as much as their sigmas"
@@ -129,10 +132,10 @@ def barometer(f: Figures) -> Iterator[Finding]:
         yield ranked("barometer", REMARK, text, help_)
 
 
-def nis(f: Figures) -> Iterator[Finding]:
+def nis(figures: Figures) -> Iterator[Finding]:
     """Yield innovations that do not agree with their sigmas (NIS)."""
     for quantity in ("position", "velocity"):
-        c = f["consistency"][quantity]
+        c = figures["consistency"][quantity]
         if c is None or judged(c) in ("consistent", "unknown"):
             continue
         numbers = "NIS {:.2f} per degree of freedom, 99 % bounds {:.3f} to {:.3f}".format(
@@ -152,24 +155,21 @@ def nis(f: Figures) -> Iterator[Finding]:
                 " the noise of the IMU"
             )
             yield ranked(
-                "innovations",
-                TRUST * c["mean_per_dof"] / NIS_MATTERS[1],
-                f"{text}; {why}",
-                help_,
+                "innovations", TRUST * c["mean_per_dof"] / NIS_MATTERS[1], f"{text}; {why}", help_
             )
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)
             rank = RANK_UNSUPPORTED if c["size"] < OTHER_UNIT else rank
-            yield ranked("innovations", rank, *_why_conservative(f, quantity, text))
+            yield ranked("innovations", rank, *_why_conservative(figures, quantity, text))
 
 
-def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:
+def _why_conservative(figures: Figures, quantity: str, text: str) -> tuple[str, str]:
     """Small innovations say nothing of the size of time-correlated errors."""
-    if f["consistency"][quantity]["size"] < OTHER_UNIT:
+    if figures["consistency"][quantity]["size"] < OTHER_UNIT:
         units = ("mm", "m") if quantity == "position" else ("mm/s", "m/s")
         return f"{text}; are the sigmas in {units[0]}?", f"give them in {units[1]}"
     if quantity == "position" and any(
-        lag is not None and lag > LAG_ONE_MATTERS for lag in f["innovations"]["lag1"] or ()
+        lag is not None and lag > LAG_ONE_MATTERS for lag in figures["innovations"]["lag1"] or ()
     ):
         return f"{text}; time-correlated errors do not show in them", ""
     if quantity == "velocity":  # else they are narrowed (`navigation.diagnosis.variances`)
@@ -182,9 +182,9 @@ def _plural(quantity: str) -> str:
     return "positions" if quantity == "position" else "velocities"
 
 
-def whiteness(f: Figures) -> Iterator[Finding]:
+def whiteness(figures: Figures) -> Iterator[Finding]:
     """Yield innovations that are not of zero mean, or time-correlated."""
-    i = f["innovations"]
+    i = figures["innovations"]
     if i["rms_mm"] is None:
         return
     for axis, mean, rms in zip(NED_NAMES, i["mean_mm"], i["rms_mm"], strict=True):
@@ -203,7 +203,7 @@ def whiteness(f: Figures) -> Iterator[Finding]:
     determined = [
         (lag, axis) for lag, axis in zip(i["lag1"], NED_NAMES, strict=True) if lag is not None
     ]
-    conservative = f["consistency"]["position"]["verdict"] == "conservative"
+    conservative = figures["consistency"]["position"]["verdict"] == "conservative"
     for sign in (
         (1.0,) if conservative else (1.0, -1.0)
     ):  # too large sigmas alone make negative ones as well
@@ -218,15 +218,15 @@ def whiteness(f: Figures) -> Iterator[Finding]:
         yield ranked(
             "correlation",
             max(abs(lag) for lag, _ in beyond) / LAG_ONE_MATTERS,
-            *_why_correlated(f, text, sign),
+            *_why_correlated(figures, text, sign),
         )
 
 
-def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
+def _why_correlated(figures: Figures, text: str, sign: float) -> tuple[str, str]:
     if sign < 0:
         text += ": the GNSS sigmas are too small, and so are those of the images"
         return text, "raise the sigmas of the fixes"
-    if f["time_correlated_errors"]:
+    if figures["time_correlated_errors"]:
         return (
             f"{text}: they are time-correlated by more than their estimate explains, and the"
             " sigmas of the images are too small",
@@ -242,10 +242,10 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
     )
 
 
-def separation(f: Figures) -> Iterator[Finding]:
+def separation(figures: Figures) -> Iterator[Finding]:
     """Yield the separation of forward and backward where it exceeds its sigmas."""
     worst = {}
-    for size, listed, state, _ in sorted(apart(f)):
+    for size, listed, state, _ in sorted(apart(figures)):
         worst[state] = size, listed  # the largest of each
     if worst:
         by_size = sorted(worst.values(), reverse=True)
@@ -261,24 +261,24 @@ def separation(f: Figures) -> Iterator[Finding]:
         yield ranked("separation", TRUST * by_size[0][0], text, "look in its figure where")
 
 
-def separation_once(f: Figures) -> Iterator[Finding]:
+def separation_once(figures: Figures) -> Iterator[Finding]:
     """Yield the instant at which forward and backward disagree, where on the whole they do not."""
-    largest = f["separation"]["largest"]
-    if largest is None or largest["sigmas"] <= SEPARATION_ONCE or any(apart(f)):
+    largest = figures["separation"]["largest"]
+    if largest is None or largest["sigmas"] <= SEPARATION_ONCE or any(apart(figures)):
         return
     text = (
         f"forward and backward disagree by {largest['sigmas']:.1f} sigmas in {largest['state']}"
-        f" {largest['axis']} at {at_time(f, largest['time_s'])}, and agree on the whole: the fixes"
-        " or the IMU drifted about then, for seconds or minutes, and the images by more than their"
-        " sigmas hold"
+        f" {largest['axis']} at {at_time(figures, largest['time_s'])}, and agree on the whole: the"
+        " fixes or the IMU drifted about then, for seconds or minutes, and the images by more than"
+        " their sigmas hold"
     )
     help_ = "look at the quality of the fixes there, and at the IMU's temperature"
     yield ranked("separation", TRUST * largest["sigmas"] / SEPARATION_ONCE, text, help_)
 
 
-def separation_below(f: Figures) -> Iterator[Finding]:
+def separation_below(figures: Figures) -> Iterator[Finding]:
     """Yield the separation of forward and backward where it is far below its sigmas."""
-    separation, below = f["separation"], []
+    separation, below = figures["separation"], []
     for state, ratio in separation["of_all_axes"].items():
         if ratio is not None and ratio < (
             limit := min(SEPARATION_WIDE, separation["floor"][state])
@@ -297,47 +297,48 @@ def separation_below(f: Figures) -> Iterator[Finding]:
         yield ranked("separation", max(rank for rank, _ in below), text, help_)
 
 
-def time_correlated(f: Figures) -> Iterator[Finding]:
+def time_correlated(figures: Figures) -> Iterator[Finding]:
     """Yield time-correlated errors of the fixes; `accuracy.code` reports those that stay."""
-    near, fixes = f["neighbours"], f["counts"]["fixes"]
-    for error in f["time_correlated_errors"]:
+    neighbours, fixes = figures["neighbours"], figures["counts"]["fixes"]
+    for error in figures["time_correlated_errors"]:
         if error["time_s"] >= STAYS_S or error["fixes"] < FEW_MATTER * fixes:
             continue
-        all_ = error["fixes"] > 0.5 * fixes
+        of_all = error["fixes"] > 0.5 * fixes
         whose = (
             "the receiver's errors"
-            if all_
+            if of_all
             else f"the errors of {error['fixes']} fixes (float or code)"
         )
         seconds = f"{error['time_s']:.0f}" if error["time_s"] >= 10.0 else f"{error['time_s']:.1f}"
-        size = (
-            f"{max(error['share']):.2f} of {'its' if all_ else 'their'} sigmas"
-            f" ({lengths([1e3 * s for s in error['sigma_m']])}, N / E / D)"
+        sigmas = (
+            f"{max(error['share']):.2f} of {'its' if of_all else 'their'} sigmas"
+            f" ({lengths([1e3 * sigma for sigma in error['sigma_m']])}, N / E / D)"
         )
-        text = f"{whose} are taken as time-correlated over {seconds} s, {size}"
-        if near is not None:
-            median_mm = f["exposures"]["position_mm"]["median"]
+        text = f"{whose} are taken as time-correlated over {seconds} s, {sigmas}"
+        if neighbours is not None:
+            median_mm = figures["exposures"]["position_mm"]["median"]
             text += (
-                f": neighbouring images share them, and are known to {lengths(near['position_mm'])}"
-                f" relative to each other, to {lengths(median_mm)} absolutely (E / N / U)"
+                ": neighbouring images share them, and are known to"
+                f" {lengths(neighbours['position_mm'])} relative to each other, to"
+                f" {lengths(median_mm)} absolutely (E / N / U)"
             )
         yield ranked(
             "time-correlated errors",
             1.0 + max(error["share"]),
             text,
-            "use the cross-covariances of eo.json in the adjustment" if near else "",
+            "use the cross-covariances of eo.json in the adjustment" if neighbours else "",
         )
 
 
-def checks(f: Figures) -> Iterator[Finding]:
+def checks(figures: Figures) -> Iterator[Finding]:
     """Yield what the checks of the input found, but for what other rules report with its effect."""
-    covered = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(
-        f["outages"]
-    )
-    covered += ["fixes minus solution", UNSEEN] + ["IMU gaps"] * bool(f["imu_gaps"])
-    covered += ["GNSS speed"] * any(rejected(f))
-    for check in f["checks"]:
-        made_up = f["standing"] and "GNSS" in check["name"]
+    covered = ["IMU rate"] * bool(figures["imu_gaps"] or len(figures["segments"]) > 1) + [
+        "GNSS rate"
+    ] * bool(figures["outages"])
+    covered += ["fixes minus solution", UNSEEN] + ["IMU gaps"] * bool(figures["imu_gaps"])
+    covered += ["GNSS speed"] * any(rejected(figures))
+    for check in figures["checks"]:
+        made_up = figures["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (
             check["verdict"] == "note" and (made_up or check["name"] in covered)
         ):

@@ -28,32 +28,33 @@ BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file
 UNSEEN = "unseen constants"  # check that says how large an error of lever arm or stamps stays so
 
 
-def hidden(f: Figures) -> list[Finding]:
+def hidden(figures: Figures) -> list[Finding]:
     """Return the errors that the flight's data cannot reveal, each with its effect and remedy."""
-    return [] if f["standing"] else [*_of_positions(f), *_of_images(f)]
+    return [] if figures["standing"] else [*_position_notes(figures), *_image_notes(figures)]
 
 
-def _of_positions(f: Figures) -> Iterator[Finding]:
-    moved = "the images" if f["exposures"] else "the trajectory"
+def _position_notes(figures: Figures) -> Iterator[Finding]:
+    """Yield the errors that shift the whole trajectory and that no flight can reveal."""
+    moved = "the images" if figures["exposures"] else "the trajectory"
     yield _note(
         "base coordinates and datum",
         f"an error of the base station's coordinates shifts {moved} by the same vector; ITRF in the"
         f" place of ETRS89 is {DATUMS_M:g} m in Europe",
         "check coordinates, datum and epoch of the base, and one ground point",
     )
-    undulation = (f["flight"].get("gnss") or {}).get("undulation_m")
-    stated = "none" if undulation is None else f"{undulation:g} m"
+    undulation = (figures["flight"].get("gnss") or {}).get("undulation_m")
+    undulation_text = "none" if undulation is None else f"{undulation:g} m"
     yield _note(
         "heights above the geoid",
         "heights above sea level that are taken for ellipsoidal ones shift the heights of"
         f" {moved} by the geoid undulation, up to {UNDULATION_M:.0f} m",
         "compare one height with a ground point; gnss.undulation_m states the undulation (now"
-        f" {stated})",
+        f" {undulation_text})",
     )
-    arm = antenna_sigmas(f["flight"].get("mounting", {}).get("antenna_sigma_m"))
-    late_s = (f["flight"].get("gnss") or {}).get("time_sigma_s")
-    stamps = "" if late_s is None else f", and for stamps off by {1e3 * late_s:g} ms"
-    constants = [c["found"] for c in f["checks"] if c["name"] == UNSEEN]
+    arm = antenna_sigmas(figures["flight"].get("mounting", {}).get("antenna_sigma_m"))
+    time_sigma_s = (figures["flight"].get("gnss") or {}).get("time_sigma_s")
+    stamps = "" if time_sigma_s is None else f", and for stamps off by {1e3 * time_sigma_s:g} ms"
+    constants = [check["found"] for check in figures["checks"] if check["name"] == UNSEEN]
     effect = f"an error within the sigma of the lever arm shifts {moved} by as much"
     yield _note(
         "antenna phase centre and GNSS time stamps",
@@ -62,7 +63,7 @@ def _of_positions(f: Figures) -> Iterator[Finding]:
         "measure the lever arm to the phase centre that the GNSS engine uses;"
         " mounting.antenna_sigma_m and gnss.time_sigma_s state how well both are known",
     )
-    tilted = math.radians(tilt(f["trajectory"]["attitude_deg"]["median"]))
+    tilted = math.radians(tilt(figures["trajectory"]["attitude_deg"]["median"]))
     swing_m = SWING_NOTICED * STANDARD_GRAVITY * tilted * (SWING_S / math.tau) ** 2
     yield _note(
         "slow errors of the GNSS positions",
@@ -72,41 +73,48 @@ def _of_positions(f: Figures) -> Iterator[Finding]:
         "compare with a second base or a few ground points; gnss.gm_sigma and"
         " gnss.correlation_time_s state such an error",
     )
-    leans = DEFLECTION_ARCSEC / 3600.0
-    allowed = (f["flight"].get("gnss") or {}).get("deflection_sigma_arcsec", 0.0)
+    deflection_deg = DEFLECTION_ARCSEC / 3600.0
+    allowed = (figures["flight"].get("gnss") or {}).get("deflection_sigma_arcsec", 0.0)
     yield _note(
         "deflection of the vertical",
         f"a plumb line that is not normal to the ellipsoid tilts {moved} by as much:"
-        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_turned(leans)}; the sigmas allow"
-        f" for {allowed:g} arcsec",
+        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_image_shift_text(deflection_deg)};"
+        f" the sigmas allow for {allowed:g} arcsec",
         "do nothing where this is below the accuracy that is needed; else state"
         " gnss.deflection_arcsec from a geoid model and its sigma, or adjust with ground control",
     )
 
 
-def _of_images(f: Figures) -> Iterator[Finding]:
-    if f["exposures"] is None:
+def _image_notes(figures: Figures) -> Iterator[Finding]:
+    """Yield the errors of bore-sight and events that no flight can reveal."""
+    if figures["exposures"] is None:
         return
-    if not known_boresight(f["flight"]):
-        turn = f["boresight_heading_deg"]
-        stated = f"; the one stated turns the heading by {turn:+.2f} deg" if turn else ""
-        if (f["flight"].get("filter") or {}).get("misalignment"):
-            stated += "; so do gyros that are turned in their case, filter.misalignment or not"
+    if not known_boresight(figures["flight"]):
+        heading_deg = figures["boresight_heading_deg"]
+        remark = (
+            f"; the one stated turns the heading by {heading_deg:+.2f} deg" if heading_deg else ""
+        )
+        if (figures["flight"].get("filter") or {}).get("misalignment"):
+            remark += "; so do gyros that are turned in their case, filter.misalignment or not"
         yield _note(
             BORESIGHT,
-            f"an error turns every image by as much: {_turned(BORESIGHT_DEG)}{stated}",
+            f"an error turns every image by as much: {_image_shift_text(BORESIGHT_DEG)}{remark}",
             f'calibrate it on control points; accept = ["{BORESIGHT}"] says that it is right',
         )
-    spacing = [x["length_m"] / (x["images"] - 1) for x in f["lines"] if x["images"] > 1]
-    size = f" ({statistics.median(spacing):.0f} m along the line)" if spacing else ""
+    spacing = [
+        line["length_m"] / (line["images"] - 1) for line in figures["lines"] if line["images"] > 1
+    ]
+    line_spacing = f" ({statistics.median(spacing):.0f} m along the line)" if spacing else ""
     yield _note(
         "events shifted by one",
-        "one missing event or image gives every later image the pose of its neighbour" + size,
+        "one missing event or image gives every later image the pose of its neighbour"
+        + line_spacing,
         "compare the numbers of events and images, and the first and last image with the map",
     )
 
 
-def _turned(angle_deg: float) -> str:
+def _image_shift_text(angle_deg: float) -> str:
+    """Return an angle, deg, with the shift on the ground that it causes."""
     moved = 1e3 * PER_M * math.radians(angle_deg)
     return f"{degrees(angle_deg)} or {millimetres(moved)} on the ground {PER_M:.0f} m away"
 

@@ -116,7 +116,7 @@ class JudgedPlaces:
 
 
 def use(
-    f: Figures,
+    figures: Figures,
     judged: JudgedPlaces,
     need_m: Sequence[float] | None = None,
     need_deg: Sequence[float] | None = None,
@@ -125,7 +125,7 @@ def use(
 
     Parameters
     ----------
-    f : mapping
+    figures : mapping
         Figures of the run, of `summary`.
     judged : JudgedPlaces
         The images, or the epochs of the trajectory.
@@ -140,31 +140,36 @@ def use(
         `largest_deg` (of all images, by (U.1)), `need_m`, `need_deg` and `measure` (where the
         needs are from).
     """
-    usual = _usual_need(f, judged)
+    usual = _usual_need(figures, judged)
     needs = [
-        np.array(n if s is None else s) for n, s in zip(usual, (need_m, need_deg), strict=True)
+        np.array(default if stated is None else stated)
+        for default, stated in zip(usual, (need_m, need_deg), strict=True)
     ]
     needed = np.hstack(needs)
     sigma = np.hstack([judged.position_m, judged.attitude_deg])
-    insufficient = _beyond(sigma, needed)
-    weakest = list(_insufficient(f, judged, sigma, needed))
+    insufficient = _rows_beyond_need(sigma, needed)
+    weakest = list(_insufficient(figures, judged, sigma, needed))
     topics = [topic for _, same in weakest for topic in same]
     reasons = [text for text, _ in weakest]
-    inflations = [(each, *_enlarged(each, judged)) for each in _reasons_of_wide_sigmas(f)]
+    inflations = [
+        (each, *_factor_and_shift(each, judged)) for each in _reasons_of_wide_sigmas(figures)
+    ]
     factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
-    for _, k, d in inflations:
-        factor, moved = np.maximum(factor, k), np.hypot(moved, d)
+    for _, scale, shift in inflations:
+        factor, moved = np.maximum(factor, scale), np.hypot(moved, shift)
     enlarged = np.hypot(factor * sigma, moved)
-    beyond = _beyond(enlarged, needed)
-    for inflation, k, d in inflations:
+    beyond = _rows_beyond_need(enlarged, needed)
+    for inflation, scale, shift in inflations:
         concerned = beyond & judged.within(inflation.span)
-        if (concerned & _beyond(np.hypot(k * sigma, d), needed) & ~insufficient).any():
+        if (
+            concerned & _rows_beyond_need(np.hypot(scale * sigma, shift), needed) & ~insufficient
+        ).any():
             reasons.append(f"{inflation.text} ({judged.listed(concerned)}); {inflation.help}")
             topics.append(inflation.topic)
-    against = list(_against(f))
+    against = list(_refusals(figures))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
     until = ""
-    if verdict != NO and (questions := list(_questions(f))):
+    if verdict != NO and (questions := list(_questions(figures))):
         verdict, reasons, beyond = EXCEPT, [*questions, *reasons], np.ones_like(beyond)
         until = " until the question below is answered"
     return {
@@ -182,29 +187,34 @@ def use(
     }
 
 
-def _beyond(sigma: Array, needed: Array) -> Rows:
+def _rows_beyond_need(sigma: Array, needed: Array) -> Rows:
+    """Return which of n images have a standard deviation beyond the need."""
     rows: Rows = np.logical_or.reduce(sigma > needed, axis=1)
     return rows
 
 
-def _usual_need(f: Figures, judged: JudgedPlaces) -> tuple[Array, Array]:
+def _usual_need(figures: Figures, judged: JudgedPlaces) -> tuple[Array, Array]:
     """Return what receiver and IMU give where all is well: m and deg, east, north, up."""
     median_m = np.median(judged.position_m, axis=0)
     median_deg = np.median(judged.attitude_deg, axis=0)
-    good = [accuracy.GOOD_TILT_DEG, accuracy.GOOD_TILT_DEG, accuracy.GOOD_HEADING_DEG]
-    need_deg = np.maximum(NEED_OF_MEDIAN * median_deg, good)
-    predicted = f["innovations"]["median_sigma_mm"]
-    if predicted is None or f["standing"]:
+    good_deg = [accuracy.GOOD_TILT_DEG, accuracy.GOOD_TILT_DEG, accuracy.GOOD_HEADING_DEG]
+    need_deg = np.maximum(NEED_OF_MEDIAN * median_deg, good_deg)
+    predicted = figures["innovations"]["median_sigma_mm"]
+    if predicted is None or figures["standing"]:
         return NEED_OF_MEDIAN[0] * median_m, need_deg
-    most = 0.5 * f["counts"]["fixes"]
-    slow = [np.square(e["sigma_m"]) for e in f["time_correlated_errors"] if e["fixes"] > most]
-    unstated = f["flight"].get("mounting", {}).get("antenna_sigma_m") is None
-    slow.append(np.square([0.0, 0.0, UNSTATED_PHASE_CENTRE_SIGMA_M * unstated]))
-    north, east, down = np.sqrt(np.square(np.array(predicted) * 1e-3) + sum(slow))
+    half_of_fixes = 0.5 * figures["counts"]["fixes"]
+    slow_variances = [
+        np.square(error["sigma_m"])
+        for error in figures["time_correlated_errors"]
+        if error["fixes"] > half_of_fixes
+    ]
+    unstated = figures["flight"].get("mounting", {}).get("antenna_sigma_m") is None
+    slow_variances.append(np.square([0.0, 0.0, UNSTATED_PHASE_CENTRE_SIGMA_M * unstated]))
+    north, east, down = np.sqrt(np.square(np.array(predicted) * 1e-3) + sum(slow_variances))
     return NEED_OF_FIX * np.array([east, north, down]), need_deg
 
 
-def _enlarged(inflation: Inflation, judged: JudgedPlaces) -> tuple[Array, Array]:
+def _factor_and_shift(inflation: Inflation, judged: JudgedPlaces) -> tuple[Array, Array]:
     """Return k and d (n, 6) of (U.1) of one inflation."""
     rows = judged.within(inflation.span)
     k, d = np.ones((judged.time.size, 6)), np.zeros((judged.time.size, 6))
@@ -213,85 +223,92 @@ def _enlarged(inflation: Inflation, judged: JudgedPlaces) -> tuple[Array, Array]
     return k, d
 
 
-def _against(f: Figures) -> Iterator[str]:
+def _refusals(figures: Figures) -> Iterator[str]:
     """Yield what forbids the use of all images, whatever their sigmas are."""
-    for check in f["checks"]:
+    for check in figures["checks"]:
         if check["verdict"] == "contradiction":
             advice = f"; {check['advice']}" if check["advice"] else ""
             yield (
                 f"the data contradict the flight file, {check['name']}: {check['found']} (expected:"
                 f" {check['expected']}){advice}"
             )
-    if not f["counts"]["fixes_used"]:
+    if not figures["counts"]["fixes_used"]:
         yield "no GNSS position was used, nothing supports the images; check clock, axes and week"
 
 
-def _questions(f: Figures) -> Iterator[str]:
+def _questions(figures: Figures) -> Iterator[str]:
     """Yield what no data of the flight can answer, and all images depend on."""
-    for check in f["checks"]:
+    for check in figures["checks"]:
         if check["verdict"] == "note" and check["name"] == OPEN_CLOCK:
             yield f"{check['name']}: {check['found']}; {check['advice']}"
 
 
-def _reasons_of_wide_sigmas(f: Figures) -> Iterator[Inflation]:
+def _reasons_of_wide_sigmas(figures: Figures) -> Iterator[Inflation]:
     """Yield what the flight holds against its sigmas, and what that does to the images."""
-    if f["standing"]:
+    if figures["standing"]:
         return
-    for quantity in ("position", "velocity"):
-        c = f["consistency"][quantity]
-        if c is not None and fixes.judged(c) == "overconfident":
-            k = c["size"]
-            text = (
-                f"the GNSS {'positions' if quantity == 'position' else quantity[:-1] + 'ies'}"
-                f" scatter {k:.1f} times as much as their sigmas say, and so may the images"
-            )
-            yield Inflation(
-                text,
-                "check lever arm and clocks, then raise the sigmas of the fixes",
-                "innovations",
-                k if quantity == "position" else 1.0,
-                k,
-            )
-    yield from _separations(f)
-    yield from _whiteness(f)
-    r = f["residuals"]
-    for piece in r["pieces"] if r is not None else ():
-        mean, sigma = np.array(piece["mean_mm"]), np.array(piece["sigma_mm"])
-        beyond = np.where(np.abs(mean) > r["limit"] * sigma, np.abs(mean), 0.0)
-        if beyond.any():
-            yield Inflation(
-                "the trajectory differs from its own GNSS positions by"
-                f" {millimetres(beyond.max())} in the mean of"
-                f" {span(f, piece['begin_s'], piece['end_s'])}",
-                "find the cause before these images are used",
-                "residuals",
-                moves_m=1e-3 * beyond[[1, 0, 2]],
-                span=(piece["begin_s"], piece["end_s"]),
-            )
-    for time in f["covariance_resets_s"]:
+    yield from _scatter(figures)
+    yield from _separations(figures)
+    yield from _whiteness(figures)
+    yield from _offsets_from_fixes(figures)
+    for time in figures["covariance_resets_s"]:
         yield Inflation(
-            f"the filter lost the GNSS positions before {at_time(f, time)} and began anew there",
+            f"the filter lost the GNSS positions before {at_time(figures, time)} and began anew"
+            " there",
             "look at the GNSS positions before this time: if they jump, leave them out there",
             "covariance resets",
             moves_m=UNREACHABLE,
             span=(time - RESET_S, time + RESET_S),
         )
-    for finding in accuracy.lever_arm(f):
-        arm = {axis: abs(state["value"]) for axis, state in accuracy.arm_states(f).items()}
+    for finding in accuracy.lever_arm(figures):
+        arm = {axis: abs(state["value"]) for axis, state in accuracy.arm_states(figures).items()}
         level = math.hypot(arm.get("forward", 0.0), arm.get("right", 0.0))
-        yield Inflation(
-            finding.found,
-            finding.advice,
-            finding.name,
-            moves_m=np.array([level, level, arm.get("down", 0.0)]),
-        )
+        moves_m = np.array([level, level, arm.get("down", 0.0)])
+        yield Inflation(finding.found, finding.advice, finding.name, moves_m=moves_m)
 
 
-def _separations(f: Figures) -> Iterator[Inflation]:
+def _scatter(figures: Figures) -> Iterator[Inflation]:
+    """Yield positions and velocities that scatter more than their sigmas."""
+    for quantity in ("position", "velocity"):
+        consistency = figures["consistency"][quantity]
+        if consistency is not None and fixes.judged(consistency) == "overconfident":
+            scatter = consistency["size"]
+            text = (
+                f"the GNSS {'positions' if quantity == 'position' else 'velocities'} scatter"
+                f" {scatter:.1f} times as much as their sigmas say, and so may the images"
+            )
+            yield Inflation(
+                text,
+                "check lever arm and clocks, then raise the sigmas of the fixes",
+                "innovations",
+                scatter if quantity == "position" else 1.0,
+                scatter,
+            )
+
+
+def _offsets_from_fixes(figures: Figures) -> Iterator[Inflation]:
+    """Yield the times in which the trajectory differs in the mean from its own fixes."""
+    residuals = figures["residuals"]
+    for piece in residuals["pieces"] if residuals is not None else ():
+        mean, sigma = np.array(piece["mean_mm"]), np.array(piece["sigma_mm"])
+        beyond = np.where(np.abs(mean) > residuals["limit"] * sigma, np.abs(mean), 0.0)
+        if beyond.any():
+            yield Inflation(
+                "the trajectory differs from its own GNSS positions by"
+                f" {millimetres(beyond.max())} in the mean of"
+                f" {span(figures, piece['begin_s'], piece['end_s'])}",
+                "find the cause before these images are used",
+                "residuals",
+                moves_m=1e-3 * beyond[[1, 0, 2]],
+                span=(piece["begin_s"], piece["end_s"]),
+            )
+
+
+def _separations(figures: Figures) -> Iterator[Inflation]:
     """Yield the disagreement of forward and backward: on the whole, or at one instant."""
-    separation = f["separation"]
+    separation = figures["separation"]
     k = dict.fromkeys(separation["normalised_rms"], 1.0)
-    for _, _, state, ratio in fixes.apart(f):
+    for _, _, state, ratio in fixes.apart(figures):
         k[state] = max(k[state], ratio)
     if max(k.values()) > 1.0:
         yield Inflation(
@@ -308,7 +325,7 @@ def _separations(f: Figures) -> Iterator[Inflation]:
         once = largest["sigmas"] / CHANCE
         yield Inflation(
             f"the solutions forward and backward in time disagree by {largest['sigmas']:.1f} sigmas"
-            f" in {largest['state']} at {at_time(f, largest['time_s'])}",
+            f" in {largest['state']} at {at_time(figures, largest['time_s'])}",
             "look at the quality of the fixes there, and at the IMU's temperature",
             "separation",
             once if largest["state"] == "position" else 1.0,
@@ -317,13 +334,13 @@ def _separations(f: Figures) -> Iterator[Inflation]:
         )
 
 
-def _whiteness(f: Figures) -> Iterator[Inflation]:
+def _whiteness(figures: Figures) -> Iterator[Inflation]:
     """Yield innovations with a mean, or with errors that stay from fix to fix.
 
     The mean of n variables of autocorrelation r^j scatters sqrt((1 + r) / (1 - r)) times as much as
     that of independent ones.
     """
-    i = f["innovations"]
+    i = figures["innovations"]
     if i["rms_mm"] is None:
         return
     mean, rms = np.abs(i["mean_mm"]), np.array(i["rms_mm"])
@@ -350,13 +367,13 @@ def _whiteness(f: Figures) -> Iterator[Inflation]:
 
 
 def _insufficient(
-    f: Figures, judged: JudgedPlaces, sigma: Array, needed: Array
+    figures: Figures, judged: JudgedPlaces, sigma: Array, needed: Array
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield where the images are beyond their need by the result's own sigmas, and why.
 
     The topics are those of the limits that say the same.
     """
-    beyond = _beyond(sigma, needed)
+    beyond = _rows_beyond_need(sigma, needed)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
     runs = edges.reshape(-1, 2)
     if len(runs) > MOST_PLACES:
@@ -366,8 +383,12 @@ def _insufficient(
         rows = np.zeros_like(beyond)
         rows[begin:end] = beyond[begin:end]
         row, column = _weakest(sigma / needed, rows)
-        why, help_ = _cause(f, float(judged.time[begin]), float(judged.time[end - 1]), column)
-        outages = [o["time_s"] for o in f["outages"] if no_fix(f, o) in why]
+        why, help_ = _cause_and_help(
+            figures, float(judged.time[begin]), float(judged.time[end - 1]), column
+        )
+        outages = [
+            outage["time_s"] for outage in figures["outages"] if no_fix(figures, outage) in why
+        ]
         ratio = float((sigma / needed)[row, column])
         faults.setdefault((column, help_, *outages), []).append((ratio, why, rows))
     for (_, help_, *outages), places_of_it in faults.items():  # one fault, one sentence
@@ -375,15 +396,20 @@ def _insufficient(
         _, why, _ = max(places_of_it, key=lambda run: run[0])
         row, column = _weakest(sigma / needed, rows)
         if column < 3:
-            size, most = (millimetres(1e3 * x[column]) for x in (sigma[row], needed))
+            known_to, needed_text = (
+                millimetres(1e3 * values[column]) for values in (sigma[row], needed)
+            )
             quantity, topics = f"position {ENU_AXES[column]}", ["horizontal", "image"]
         else:
-            size, most = degrees(sigma[row, column]), degrees(needed[column])
+            known_to, needed_text = degrees(sigma[row, column]), degrees(needed[column])
             quantity = "heading" if column == 5 else "tilt"
             topics = [quantity, "image"]
         if outages:
             topics.append("outage")
-        text = f"{quantity} is known to {size} only, needed are {most}, in {judged.listed(rows)}"
+        text = (
+            f"{quantity} is known to {known_to} only, needed are {needed_text}, in"
+            f" {judged.listed(rows)}"
+        )
         yield f"{text}{why}{help_}", topics
 
 
@@ -393,19 +419,23 @@ def _weakest(ratio: Array, rows: Rows) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _cause(f: Figures, begin: float, end: float, column: int) -> tuple[str, str]:
+def _cause_and_help(figures: Figures, begin: float, end: float, column: int) -> tuple[str, str]:
     """Return why images are weak and what helps, each after a separator; nothing where unknown."""
-    outages = [o for o in f["outages"] if o["time_s"] <= end + 1.0]
+    outages = [o for o in figures["outages"] if o["time_s"] <= end + 1.0]
     outages = [o for o in outages if o["time_s"] + o["length_s"] >= begin - 1.0]
     if outages:
         o = max(outages, key=lambda outage: float(outage["length_s"]))
         help_ = "; repeat these images, or give them their sigmas in the adjustment"
-        return f": {no_fix(f, o)}", help_
-    lines = [line for line in f["lines"] if line["start_s"] <= end and line["end_s"] >= begin]
+        return f": {no_fix(figures, o)}", help_
+    lines = [line for line in figures["lines"] if line["start_s"] <= end and line["end_s"] >= begin]
     if column == 5 and len(lines) == 1:
-        why, help_ = places.why(f, lines[0])
+        why, help_ = places.why(figures, lines[0])
         return f": {why}", f"; {help_}"
-    if column > 2 and f["exposures"] is not None and begin <= f["exposures"]["first_time_s"]:
-        why, help_ = places.why_first(f, "heading" if column == 5 else "tilt")
+    if (
+        column > 2
+        and figures["exposures"] is not None
+        and begin <= figures["exposures"]["first_time_s"]
+    ):
+        why, help_ = places.why_first(figures, "heading" if column == 5 else "tilt")
         return f": {why}", f"; {help_}"
     return "", "; give them their sigmas in the adjustment"

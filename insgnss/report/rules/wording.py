@@ -36,34 +36,34 @@ def degrees(x: float) -> str:
     return f"{x:.2g} deg" if abs(x) < 10 else f"{x:.0f} deg"
 
 
-def span(f: Figures, start: float, end: float) -> str:
+def span(figures: Figures, start: float, end: float) -> str:
     """Return a piece of the flight as `at_time` has its ends."""
-    if f["span"]["gps_week"] is None:
+    if figures["span"]["gps_week"] is None:
         return f"TOW {start:.1f} to {end:.1f} s"
-    begin, until = clock(f, start), clock(f, end)
+    begin, until = clock(figures, start), clock(figures, end)
     return f"{begin:%H:%M:%S} to {until:%H:%M:%S %Z} (TOW {start:.1f} to {end:.1f} s)"
 
 
-def at_time(f: Figures, tow: float) -> str:
+def at_time(figures: Figures, tow: float) -> str:
     """Return an instant as clock time and time of week; without a week as the latter alone."""
-    if f["span"]["gps_week"] is None:
+    if figures["span"]["gps_week"] is None:
         return f"TOW {tow:.1f} s"
-    return f"{clock(f, tow):%H:%M:%S %Z} (TOW {tow:.1f} s)"
+    return f"{clock(figures, tow):%H:%M:%S %Z} (TOW {tow:.1f} s)"
 
 
-def clock(f: Figures, tow: float) -> datetime:
+def clock(figures: Figures, tow: float) -> datetime:
     """Return an instant of a flight with a GPS week in the time zone that `output` states."""
-    return calendar_from_gps(f["span"]["gps_week"], tow).astimezone(local_zone(f))
+    return calendar_from_gps(figures["span"]["gps_week"], tow).astimezone(local_zone(figures))
 
 
-def local_zone(f: Figures) -> tzinfo:
+def local_zone(figures: Figures) -> tzinfo:
     """Return the time zone that `output` states, UTC where it states none."""
-    return time_zone((f["flight"].get("output") or {}).get("time_zone") or "UTC")
+    return time_zone((figures["flight"].get("output") or {}).get("time_zone") or "UTC")
 
 
-def no_fix(f: Figures, outage: Figures) -> str:
+def no_fix(figures: Figures, outage: Figures) -> str:
     """Return how long and since when no GNSS position was used, as a clause."""
-    since = at_time(f, outage["time_s"])
+    since = at_time(figures, outage["time_s"])
     return f"no GNSS position was used for {outage['length_s']:.1f} s from {since} on"
 
 

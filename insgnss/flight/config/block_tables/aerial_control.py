@@ -24,9 +24,7 @@ class AerialControlTable(Checked, table="aerial_control"):
         " without it the block has no aerial control",
     )
     crs: str | None = option(
-        None,
-        "CRS of positions that do not say it, such as EPSG:2056+5728",
-        cli="--positions-crs",
+        None, "CRS of positions that do not say it, such as EPSG:2056+5728", cli="--positions-crs"
     )
     geoid: Path | None = option(
         None, "grid of geoid heights of these positions", usual="heights as `crs` has them"

@@ -86,12 +86,7 @@ class VehicleTable(Checked, table="vehicle"):
         needs=("file", "size_m"),
     )
     size_m: float | None = option(
-        None,
-        "diameter of the target",
-        unit="m",
-        positive=True,
-        usual="not known",
-        needs=("sizes",),
+        None, "diameter of the target", unit="m", positive=True, usual="not known", needs=("sizes",)
     )
     size_sigma_m: float = option(
         0.0,

@@ -80,7 +80,7 @@ class RinexInspection(Shown):
             self.name,
             worst_of(
                 f"the rover is {s.rover.files[0].name}: {s.why}" if s.rover else "",
-                bad=[str(refusal)] if refusal else [],
+                severe=[str(refusal)] if refusal else [],
             ),
             (
                 Section("Files", [Table(files)]),

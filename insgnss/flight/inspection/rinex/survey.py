@@ -206,22 +206,23 @@ def _groups(read: list[Observations]) -> list[list[Observations]]:
 
 
 def _receiver(group: list[Observations]) -> Receiver:
-    first, last = group[0], group[-1]
-    time = np.concatenate([one.gps_week * WEEK_S + one.time for one in group])
-    usual = interval(first)
-    names = sorted({str(code) for one in group for code in np.unique(one.satellite)})
+    """Return what the files of one receiver hold together: span (s), interval, gaps, bands."""
+    first_file, last_file = group[0], group[-1]
+    time = np.concatenate([file.gps_week * WEEK_S + file.time for file in group])
+    usual_interval = interval(first_file)
+    names = sorted({str(code) for file in group for code in np.unique(file.satellite)})
     letters = dict.fromkeys(name[0] for name in names)
     return Receiver(
-        tuple(Path(one.header.path) for one in group),
-        first.header,
-        float(first.gps_week * WEEK_S + first.time[0]),
-        float(last.gps_week * WEEK_S + last.time[-1]),
-        usual,
+        tuple(Path(file.header.path) for file in group),
+        first_file.header,
+        float(first_file.gps_week * WEEK_S + first_file.time[0]),
+        float(last_file.gps_week * WEEK_S + last_file.time[-1]),
+        usual_interval,
         time.size,
-        int((np.diff(time) > LEAST_GAP_INTERVALS * usual).sum()),
-        sum(one.events.size for one in group),
+        int((np.diff(time) > LEAST_GAP_INTERVALS * usual_interval).sum()),
+        sum(file.events.size for file in group),
         {letter: sum(name[0] == letter for name in names) for letter in letters},
-        {letter: _bands(first, letter) for letter in letters},
+        {letter: _bands(first_file, letter) for letter in letters},
     )
 
 
@@ -233,9 +234,7 @@ def _bands(observations: Observations, letter: str) -> tuple[str, ...]:
     return tuple(sorted(measured))
 
 
-def rover_and_base(
-    receivers: Sequence[Receiver],
-) -> tuple[Receiver | None, Receiver | None, str]:
+def rover_and_base(receivers: Sequence[Receiver]) -> tuple[Receiver | None, Receiver | None, str]:
     """Return the receiver that flew, the base for it, and what tells them apart.
 
     Parameters
@@ -261,7 +260,7 @@ def rover_and_base(
         ),
         (
             "its time lies within that of the others",
-            lambda one: all(_within(one, r) for r in receivers if r is not one),
+            lambda one: all(_is_within(one, r) for r in receivers if r is not one),
         ),
     )
     for why, moves in rules:
@@ -287,7 +286,8 @@ def _common(first: Receiver, second: Receiver) -> float:
     return min(first.last_s, second.last_s) - max(first.first_s, second.first_s)
 
 
-def _within(inner: Receiver, outer: Receiver) -> bool:
+def _is_within(inner: Receiver, outer: Receiver) -> bool:
+    """Return whether the span of a receiver lies inside that of another."""
     longer = outer.last_s - outer.first_s
     return inner.last_s - inner.first_s < WITHIN * longer and _common(inner, outer) > WITHIN * (
         inner.last_s - inner.first_s

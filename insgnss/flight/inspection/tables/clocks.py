@@ -58,21 +58,28 @@ def clocks(grid: UnknownTable, longest_step: float) -> dict[int, str]:
 
 
 def _clocks(grid: UnknownTable, longest_step: float, least_forward: float) -> dict[int, str]:
+    """Return the unit of each column that counts time, by column, the best clock first."""
     named = any(name is not None for name in grid.names)
-    fine = [column for column, _ in seconds_and_fractions(grid.names).values()]
+    fraction_columns = [column for column, _ in seconds_and_fractions(grid.names).values()]
     units: dict[int, str] = {}
-    for k, name in enumerate(grid.names):
+    for column, name in enumerate(grid.names):
         clock = [] if name is None else clock_names(name)
-        if named and (not clock or k in fine):
+        if named and (not clock or column in fraction_columns):
             continue
-        unit = _clock_unit(grid.values[:, k], longest_step, not named, least_forward)
+        unit = _clock_unit(grid.values[:, column], longest_step, not named, least_forward)
         if unit is not None:
-            stated = [FIXED_TICKS[short] for short in clock if short in FIXED_TICKS]
-            stated += filter(None, [grid.unit_of(k, "time")])
-            steps = np.diff(grid.values[:, k])
+            named_units = [
+                FIXED_TICKS[abbreviation] for abbreviation in clock if abbreviation in FIXED_TICKS
+            ]
+            named_units += filter(None, [grid.unit_of(column, "time")])
+            steps = np.diff(grid.values[:, column])
             typical = float(np.median(steps[steps > 0.0]))
-            units[k] = next(
-                (one for one in stated if SHORTEST_TICK_S < typical * tick(one) <= longest_step),
+            units[column] = next(
+                (
+                    candidate
+                    for candidate in named_units
+                    if SHORTEST_TICK_S < typical * tick(candidate) <= longest_step
+                ),
                 unit,
             )
     return _best_first(grid, units)
@@ -96,7 +103,7 @@ def clocks_by_values(grid: UnknownTable, longest_step: float, taken: set[int]) -
         )
         if k in taken or counts:
             continue
-        unit = _clock_unit(grid.values[:, k], longest_step, strict=True)
+        unit = _clock_unit(grid.values[:, k], longest_step, unnamed=True)
         if unit is not None:
             units[k] = unit
     return _best_first(grid, units)
@@ -172,8 +179,9 @@ def fraction_of(grid: UnknownTable, clock: int) -> dict[str, int]:
 
 
 def _clock_unit(
-    column: Array, longest_step: float, strict: bool, least_forward: float = LEAST_FORWARD
+    column: Array, longest_step: float, unnamed: bool, least_forward: float = LEAST_FORWARD
 ) -> str | None:
+    """Return the time unit in which a column's steps are a clock's; None where it is none."""
     step = np.diff(column)
     forward = step[step > 0.0]
     if (
@@ -183,13 +191,13 @@ def _clock_unit(
     ):
         return None
     typical = float(np.median(forward))
-    if strict and (
+    if unnamed and (
         forward.size < 0.99 * step.size
         or np.mean(np.abs(forward - typical) < 0.5 * typical) < EVEN_SHARE
     ):
         return None
     span = float(column[-1] - column[0])
-    if strict and span < 0.5 * typical * step.size:
+    if unnamed and span < 0.5 * typical * step.size:
         return None
     return next(
         (unit for unit, factor in TIME_FACTORS.items() if typical * factor <= longest_step), None

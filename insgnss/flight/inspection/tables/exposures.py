@@ -100,7 +100,7 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
     scores: dict[str, list[int]] = {}
     for role, score_of in (("image", _image), ("time", _date), ("tow", _seconds)):
         scores[role] = [score_of(*pair) for pair in zip(fields, texts, strict=True)]
-    image = _best(scores["image"])
+    image = _best_column(scores["image"])
     if image is None:
         return {}, ""
     week = SPEC.named(fields).index("week") if "week" in SPEC.named(fields) else None
@@ -113,14 +113,10 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
         for form in (DAY_ALONE, CLOCK_TEXT)
     )
     if len(days) == len(clocks) == 1:
-        return {
-            "image": titles[image],
-            "date": titles[days[0]],
-            "time": titles[clocks[0]],
-        }, ""
+        return {"image": titles[image], "date": titles[days[0]], "time": titles[clocks[0]]}, ""
     for role in ("time", "tow"):
         scores[role][image] = 0
-        if (best := _best(scores[role])) is not None:
+        if (best := _best_column(scores[role])) is not None:
             of_week = {"week": titles[week]} if role == "tow" and week is not None else {}
             return {"image": titles[image], role: titles[best]} | of_week, ""
     names = ", ".join(repr(name) for name in titles)
@@ -130,7 +126,7 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
     )
 
 
-def _best(scores: Sequence[int]) -> int | None:
+def _best_column(scores: Sequence[int]) -> int | None:
     """Index of the one highest score; None where there is none or several are equal."""
     highest = max(scores)
     return scores.index(highest) if highest > 0 and scores.count(highest) == 1 else None

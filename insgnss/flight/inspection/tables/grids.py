@@ -119,8 +119,10 @@ def _sensors_apart(content: Any) -> Iterator[GridTable]:
 def _text_tables(path: Path) -> Iterator[GridTable]:
 
     table = read_table(path, whole=False)
-    few = SHARE_LIMIT * len(table)
-    table = table.with_values(k for k, blanks in table.blank.items() if blanks < few)
+    blank_limit = SHARE_LIMIT * len(table)
+    table = table.with_values(
+        index for index, blanks in table.blank.items() if blanks < blank_limit
+    )
     layout, values = table.layout, table.values
     names = layout.header_fields or (None,) * layout.n_fields
     fractions = {}

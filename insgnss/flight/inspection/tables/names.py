@@ -45,15 +45,17 @@ def spellings(name: str) -> list[str]:
 
     So `field.header.stamp` is `stamp` too, and `/imu/data/gyro/x` is `x`.
     """
-    return [squashed(suffix) for suffix in _parts(name)]
+    return [squashed(suffix) for suffix in _name_parts(name)]
 
 
 def bare(name: str, kinds: Sequence[str]) -> list[str]:
     """Return the spellings of a name without a unit of one of `kinds`, where it has one."""
-    return [squashed(stem) for suffix in _parts(name) for stem, _ in without_unit(suffix, kinds)]
+    return [
+        squashed(stem) for suffix in _name_parts(name) for stem, _ in without_unit(suffix, kinds)
+    ]
 
 
-def _parts(name: str) -> list[str]:
+def _name_parts(name: str) -> list[str]:
     """Name without brackets, and what follows each dot, :: or slash in it; of none an empty one."""
     name = name if len(name) <= LONGEST_COLUMN_NAME else ""
     plain = re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name).strip().strip("\"'")

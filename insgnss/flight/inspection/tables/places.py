@@ -93,24 +93,30 @@ def _position(
     `clock` is the column of time, `factor` its factor to seconds. Of several positions that is
     taken whose velocity beside it agrees best, else the first.
     """
-    every = max(1, -(-len(grid.values) // MOST_ROWS_LOOKED_AT))
-    grid = UnknownTable(grid.values[::every], grid.names)
+    step = max(1, -(-len(grid.values) // MOST_ROWS_LOOKED_AT))
+    grid = UnknownTable(grid.values[::step], grid.names)
     time = grid.values[:, clock] * factor
     columns = range(grid.values.shape[1])
-    taken = {clock, *weeks(grid), *(k for k in columns if is_clock_of(grid, k, clock))}
-    best: tuple[float, dict[str, int], dict[str, str]] | None = None
+    used_columns = {
+        clock,
+        *weeks(grid),
+        *(column for column in columns if is_clock_of(grid, column, clock)),
+    }
+    best_position: tuple[float, dict[str, int], dict[str, str]] | None = None
     for lat, lon, height in _triples(grid.values.shape[1]):
-        if taken & {lat, lon, height} or is_clock_of(grid, lat, lon):
+        if used_columns & {lat, lon, height} or is_clock_of(grid, lat, lon):
             continue
         position = {"lat": lat, "lon": lon, "h": height}
         units = {"angle": angle_unit(grid, lat, lon)}
         metres = _metres(grid, position, units["angle"])
-        if metres is None or not _travels(time, metres, any(grid.names)):
+        if metres is None or not _draws_path(time, metres, any(grid.names)):
             continue
-        more, of_course, misfit = _velocity_and_sigmas(grid.values, time, metres, height + 1)
-        if best is None or misfit < best[0]:
-            best = misfit, position | more, units | of_course
-    return None if best is None else best[1:]
+        velocity_and_sigmas, course_units, misfit = _velocity_and_sigmas(
+            grid.values, time, metres, height + 1
+        )
+        if best_position is None or misfit < best_position[0]:
+            best_position = misfit, position | velocity_and_sigmas, units | course_units
+    return None if best_position is None else best_position[1:]
 
 
 def _triples(columns: int) -> Iterator[tuple[int, int, int]]:
@@ -126,23 +132,29 @@ def _metres(grid: UnknownTable, position: dict[str, int], unit: str) -> Array | 
     Whole numbers are a position in `TENTH_MICRODEGREES` only, and nothing else is.
     """
     raw = grid.values[:, [position["lat"], position["lon"]]]
-    whole = (raw == np.round(raw)).all(axis=0)
-    if not whole.all() if unit == TENTH_MICRODEGREES else whole.any():
+    integral = (raw == np.round(raw)).all(axis=0)
+    if not integral.all() if unit == TENTH_MICRODEGREES else integral.any():
         return None
     lat, lon = raw.T * unit_factor(unit, "angle")
-    h = grid.values[:, position["h"]]
+    height = grid.values[:, position["h"]]
     if (
         np.abs(lat).max() > 0.5 * np.pi
         or np.abs(lon).max() > 2.0 * np.pi
-        or h.min() < -1000.0
-        or h.max() > 10000.0
+        or height.min() < -1000.0
+        or height.max() > 10000.0
     ):
         return None
-    M, N = curvature_radii(lat[0])
-    return np.column_stack([(lat - lat[0]) * M, (lon - lon[0]) * N * np.cos(lat[0]), h[0] - h])
+    meridian_m, prime_vertical_m = curvature_radii(lat[0])
+    return np.column_stack(
+        [
+            (lat - lat[0]) * meridian_m,
+            (lon - lon[0]) * prime_vertical_m * np.cos(lat[0]),
+            height[0] - height,
+        ]
+    )
 
 
-def _travels(time: Array, metres: Array, named: bool) -> bool:
+def _draws_path(time: Array, metres: Array, named: bool) -> bool:
     """Whether the positions draw a path, never faster than an aircraft, but for wrong fixes.
 
     Those of one place do as well where no names of columns say that they are something else.
@@ -150,62 +162,69 @@ def _travels(time: Array, metres: Array, named: bool) -> bool:
     if len(metres) <= 2 * LAG or not (np.ptp(metres[:, :2], axis=0) > 0.0).all():
         return False
     step = np.maximum(np.diff(time), 1e-3)
-    inner = len(metres) - MEDIAN_OF + 1
+    count = len(metres) - MEDIAN_OF + 1
     path = np.median(sliding_window_view(metres[:, :2], MEDIAN_OF, axis=0), axis=2)
     half = MEDIAN_OF // 2
-    deviation = np.linalg.norm(metres[half : half + inner, :2] - path, axis=1)
-    way = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    reach = 2.0 * FASTEST_MS * float(np.median(step))
-    far = np.linalg.norm(path[LAG:] - path[:-LAG], axis=1)
+    deviation = np.linalg.norm(metres[half : half + count, :2] - path, axis=1)
+    step_length = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    longest_step = 2.0 * FASTEST_MS * float(np.median(step))
+    distance = np.linalg.norm(path[LAG:] - path[:-LAG], axis=1)
     spread = np.quantile(path, 0.95, axis=0) - np.quantile(path, 0.05, axis=0)
-    drawn = np.quantile(far, 0.9) > TRAVELLED * np.quantile(way, 0.9) or (
+    drawn = np.quantile(distance, 0.9) > TRAVELLED * np.quantile(step_length, 0.9) or (
         not named and spread.max() < SMALL_M
     )
     return bool(
-        np.mean(way < FASTEST_MS * step[half : half + inner - 1]) > 0.98
-        and np.mean(deviation > reach) < BAD_SHARE
+        np.mean(step_length < FASTEST_MS * step[half : half + count - 1]) > 0.98
+        and np.mean(deviation > longest_step) < BAD_SHARE
         and drawn
     )
 
 
 def _velocity_and_sigmas(
-    values: Array, time: Array, metres: Array, first: int
+    values: Array, time: Array, metres: Array, first_column: int
 ) -> tuple[dict[str, int], dict[str, str], float]:
-    """Columns of velocity and sigmas behind the position, their units, and how far slopes are off.
+    """Return columns of velocity and sigmas from `first_column` on, their units, the misfit.
 
-    That is infinite without a velocity.
+    The misfit of the stated velocity to the slopes of the positions (-); infinite without one.
     """
     step = np.maximum(np.diff(time), 1e-3)
     track = np.diff(metres, axis=0) / step[:, None]
     usable = (np.linalg.norm(track, axis=1) < FASTEST_MS) & (step < 5.0 * np.median(step))
     mean = 0.5 * (values[1:] + values[:-1])
-    for k in range(first, values.shape[1] - 2):
-        for names, (a, b, c, sign) in _ORDERS.items():
-            stated = mean[usable, k : k + 3]
-            misfit = _off(stated[:, 0], track[usable, a]) + _off(stated[:, 1], track[usable, b])
-            vertical = track[usable, c] * sign
+    for k in range(first_column, values.shape[1] - 2):
+        for names, (north, east, vertical_axis, vertical_sign) in _ORDERS.items():
+            stated_velocity = mean[usable, k : k + 3]
+            misfit = _misfit(stated_velocity[:, 0], track[usable, north]) + _misfit(
+                stated_velocity[:, 1], track[usable, east]
+            )
+            vertical = track[usable, vertical_axis] * vertical_sign
             if not np.isfinite(misfit) or (
-                np.ptp(stated[:, 2]) > 0.0 and np.dot(stated[:, 2], vertical) < 0.0
+                np.ptp(stated_velocity[:, 2]) > 0.0
+                and np.dot(stated_velocity[:, 2], vertical) < 0.0
             ):
                 continue
             velocity = dict(zip(names, range(k, k + 3), strict=True))
             axes = [name[1:] if name != "vd" else "u" for name in names]
-            of_place, of_speed = (k + 3, k + 6) if k < first + 3 else (first, k + 3)
+            of_place, of_speed = (k + 3, k + 6) if k < first_column + 3 else (first_column, k + 3)
             speeds = [f"v{axis if axis != 'u' else 'd'}" for axis in axes]
             sigmas = _sigmas(values, axes, of_place) | _sigmas(values, speeds, of_speed)
             return velocity | sigmas, {}, misfit
-    for k in range(first, values.shape[1] - 1):
+    for k in range(first_column, values.shape[1] - 1):
         for unit, factor in (("deg", np.pi / 180.0), ("rad", 1.0)):
             polar = values[:, k] * np.exp(1j * factor * values[:, k + 1])
             along = (0.5 * (polar[1:] + polar[:-1]))[usable]
-            misfit = _off(along.real, track[usable, 0]) + _off(along.imag, track[usable, 1])
+            misfit = _misfit(along.real, track[usable, 0]) + _misfit(along.imag, track[usable, 1])
             if values[:, k].min() < 0.0 or not np.isfinite(misfit):
                 continue
             columns = {"speed": k, "course": k + 1}
             if k + 2 < values.shape[1] and (up := _vertical(mean[usable, k + 2], track[usable, 2])):
                 columns[up] = k + 2
-            return columns | _sigmas(values, ("n", "e", "u"), first), {"course": unit}, misfit
-    return _sigmas(values, ("n", "e", "u"), first), {}, np.inf
+            return (
+                columns | _sigmas(values, ("n", "e", "u"), first_column),
+                {"course": unit},
+                misfit,
+            )
+    return _sigmas(values, ("n", "e", "u"), first_column), {}, np.inf
 
 
 def _vertical(stated: Array, down: Array) -> str:
@@ -226,7 +245,7 @@ def _sigmas(values: Array, axes: Sequence[str], first: int) -> dict[str, int]:
     return {f"sd_{axis}": first + i for i, axis in enumerate(axes)}
 
 
-def _off(stated: Array, track: Array) -> float:
+def _misfit(stated: Array, track: Array) -> float:
     """How far the slope of two series is from one, as a logarithm; infinite for unlike ones.
 
     The worst of the rows are left out: differences across a wrong fix.

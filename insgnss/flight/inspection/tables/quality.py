@@ -40,14 +40,14 @@ def codes_of(quality: Array, sigma: Array) -> str | None:
         if count >= LEAST_ROWS
     }
     fits = {
-        "rtklib": _fits(size),
-        "nmea": _fits({NMEA_QUALITY.get(k, 0): v for k, v in size.items()}),
+        "rtklib": _fits_codes(size),
+        "nmea": _fits_codes({NMEA_QUALITY.get(k, 0): v for k, v in size.items()}),
     }
     telling = [name for name, fit in fits.items() if fit]
     return telling[0] if len(telling) == 1 else None
 
 
-def _fits(size: dict[int, float]) -> bool:
+def _fits_codes(size: dict[int, float]) -> bool:
     """Whether worse codes have larger standard deviations, and the worst telling ones."""
     ranked = [size[code] for code in sorted(size, key=lambda k: _ORDER.get(k, 9)) if code in _ORDER]
     return len(ranked) > 1 and ranked == sorted(ranked) and ranked[-1] > TELLING_RATIO * ranked[0]

@@ -30,15 +30,7 @@ from .quality import codes_of, quality_by_values
 PLURAL_OF_SENSOR = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 GEOCENTRIC_SIGMAS = {"sd_x", "sd_y", "sd_z"}
-SIGMA_ROLES = {
-    "sd_n",
-    "sd_e",
-    "sd_u",
-    "sd_ne",
-    "var_n",
-    "var_e",
-    "var_u",
-} | GEOCENTRIC_SIGMAS
+SIGMA_ROLES = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"} | GEOCENTRIC_SIGMAS
 OF_METRES = {*GEOCENTRIC, "north", "east", "down", "up", *GEOCENTRIC_SIGMAS}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 # least share of fixes with standard deviations: fewer are no kind of fixes (chosen)
@@ -92,29 +84,39 @@ def triads_named(grid: UnknownTable) -> list[str]:
     return [name for key, name in PLURAL_OF_SENSOR.items() if grid.triad(key)]
 
 
-def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
-    """First column of the gyro's and of the accelerometer's triad among the columns that change."""
+def _two_triads(values: Array, used_columns: set[int]) -> tuple[int, int] | None:
+    """Return the first columns of gyro and accelerometer among those that change."""
     rows = values[:: max(1, len(values) // 20000)]
-    alive = [k not in taken and float(np.ptp(rows[:, k])) > 0.0 for k in range(values.shape[1])]
-    if (pair := _beside_others(rows, alive)) is not None:
+    changes = [
+        column not in used_columns and float(np.ptp(rows[:, column])) > 0.0
+        for column in range(values.shape[1])
+    ]
+    if (pair := _triads_between_constants(rows, changes)) is not None:
         return pair
-    best: tuple[float, int, int] | None = None
-    for first in range(values.shape[1] - 5):
-        if not all(alive[first : first + 6]):
+    best_pair: tuple[float, int, int] | None = None
+    for first_column in range(values.shape[1] - 5):
+        if not all(changes[first_column : first_column + 6]):
             continue
-        ratio = [_steadiness(rows[:, k : k + 3]) for k in (first, first + 3)]
+        ratio = [
+            _mean_over_scatter(rows[:, column : column + 3])
+            for column in (first_column, first_column + 3)
+        ]
         gap = max(ratio) / max(min(ratio), 1e-12)
         if (
             gap > RATIO_OF_SENSORS
             and max(ratio) > MEAN_OVER_SCATTER
-            and (best is None or first == 0 or not alive[first - 1])
+            and (best_pair is None or first_column == 0 or not changes[first_column - 1])
         ):
-            order = (first + 3, first) if ratio[0] > ratio[1] else (first, first + 3)
-            best = best or (gap, *order)
-    return None if best is None else best[1:]
+            order = (
+                (first_column + 3, first_column)
+                if ratio[0] > ratio[1]
+                else (first_column, first_column + 3)
+            )
+            best_pair = best_pair or (gap, *order)
+    return None if best_pair is None else best_pair[1:]
 
 
-def _beside_others(rows: Array, alive: list[bool]) -> tuple[int, int] | None:
+def _triads_between_constants(rows: Array, alive: list[bool]) -> tuple[int, int] | None:
     """First column of gyro and accelerometer where there are three triads or more, in any order.
 
     The accelerometer has the size of gravity and is the steadiest of those that have it. The gyro
@@ -127,36 +129,46 @@ def _beside_others(rows: Array, alive: list[bool]) -> tuple[int, int] | None:
         triads += [first] * whole
         first += 3 if whole else 1
     data = {k: rows[:, k : k + 3] for k in triads}
-    heavy = [k for k in triads if _of_gravity(data[k]) and _steadiness(data[k]) > MEAN_OVER_SCATTER]
+    heavy = [
+        k
+        for k in triads
+        if _of_gravity(data[k]) and _mean_over_scatter(data[k]) > MEAN_OVER_SCATTER
+    ]
     if len(triads) < 3 or not heavy:
         return None
-    accel = max(heavy, key=lambda k: _steadiness(data[k]))
+    accel = max(heavy, key=lambda k: _mean_over_scatter(data[k]))
     turned = {
-        gyro: max(_turned(data[k], data[gyro]) for k in triads if k != gyro)
+        gyro: max(_rotation_correlation(data[k], data[gyro]) for k in triads if k != gyro)
         for gyro in triads
         if gyro != accel
     }
     gyro = max(turned, key=lambda k: turned[k])
     if turned[gyro] < TURNING_CORRELATION:
-        gyro = min(turned, key=lambda k: _steadiness(data[k]))
+        gyro = min(turned, key=lambda k: _mean_over_scatter(data[k]))
     return gyro, accel
 
 
-def _turned(vector: Array, rates: Array) -> float:
-    """Correlation of the increments of a vector (n, 3) with those that rates (n, 3) give it.
+def _rotation_correlation(vector: Array, rates: Array) -> float:
+    """Return the correlation of a vector's increments with those that rates give it.
 
-    It is the largest of several lengths of means: short ones hold vibration, long ones whole turns.
+    Both are (n, 3). It is the largest of several lengths of means: short ones hold vibration, long
+    ones whole turns.
     """
-    best = 0.0
+    largest = 0.0
     for pieces in TURN_PIECES:
         edges = np.arange(0, len(vector), max(1, len(vector) // pieces))
         lengths = np.diff(edges, append=len(vector))[:, None]
-        v, w = (np.add.reduceat(x, edges) / lengths for x in (vector, rates))
-        change, expected = np.diff(v, axis=0).ravel(), np.cross(v, w)
+        mean_vector, mean_rate = (
+            np.add.reduceat(values, edges) / lengths for values in (vector, rates)
+        )
+        increments, expected = (
+            np.diff(mean_vector, axis=0).ravel(),
+            np.cross(mean_vector, mean_rate),
+        )
         expected = (expected[1:] + expected[:-1]).ravel()
-        size = float(np.linalg.norm(change) * np.linalg.norm(expected))
-        best = max(best, float(change @ expected) / size if size else 0.0)
-    return best
+        norms = float(np.linalg.norm(increments) * np.linalg.norm(expected))
+        largest = max(largest, float(increments @ expected) / norms if norms else 0.0)
+    return largest
 
 
 def _of_gravity(force: Array) -> bool:
@@ -165,7 +177,7 @@ def _of_gravity(force: Array) -> bool:
     return any(abs(np.log(max(size, 1e-12) / g)) < NEAR_GRAVITY for g in GRAVITY_IN_UNITS)
 
 
-def _steadiness(triad: Array) -> float:
+def _mean_over_scatter(triad: Array) -> float:
     """|mean| / scatter."""
     return float(
         np.linalg.norm(np.mean(triad, axis=0)) / max(np.sqrt(np.sum(np.var(triad, axis=0))), 1e-30)
@@ -179,17 +191,17 @@ def gnss_roles(grid: UnknownTable) -> Roles | None:
         return None if roles is None else in_metres(roles, twin[1])
     columns = {name: k for name, k in grid.of_fixes().items() if name not in OF_METRES}
     if {"lat", "lon", "h"} <= columns.keys():
-        return _completed(grid, columns)
+        return _roles_with_units(grid, columns)
     return None if any(name is not None for name in grid.names) else fixes_by_values(grid)
 
 
-def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
+def _roles_with_units(grid: UnknownTable, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
     named, unread = columns, dict[str, str]()
 
     def without(reasons: dict[str, str]) -> dict[str, int]:
         unread.update(reasons)
-        return {role: k for role, k in columns.items() if role not in reasons}
+        return {role: column for role, column in columns.items() if role not in reasons}
 
     columns = without(_not_finite(grid, columns))
     columns = without(_unused_velocity(columns))
@@ -203,10 +215,12 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
         and (height == np.round(height)).all()
     ):
         units["length"] = "mm"  # receivers that count so write whole millimetres
-        sigmas = grid.values[:, [k for name, k in columns.items() if name in SIGMA_ROLES]]
+        sigmas = grid.values[:, [column for name, column in columns.items() if name in SIGMA_ROLES]]
         if not (sigmas == np.round(sigmas)).all():
             units["sigma"] = "m"
-        speeds = [k for name, k in columns.items() if name in ("vn", "ve", "vd", "vu", "speed")]
+        speeds = [
+            column for name, column in columns.items() if name in ("vn", "ve", "vd", "vu", "speed")
+        ]
         if speeds and (grid.values[:, speeds] == np.round(grid.values[:, speeds])).all():
             units["velocity"] = "mm/s"
     if "course" in columns:
@@ -215,7 +229,7 @@ def _completed(grid: UnknownTable, columns: dict[str, int]) -> Roles:
         units["course"] = "rad" if 0.0 < largest <= 6.3 else "deg"
     ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set(columns.values()))
     repeat_column = _repeat_column(grid, columns, ticks)
-    ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
+    ticks = {column: unit for column, unit in ticks.items() if column != repeat_column}
     reasons = {named[role]: f"{role}: {why}" for role, why in unread.items() if role in named}
     return Roles(columns, ticks, week_column(grid), units, repeat_column, unread=reasons)
 

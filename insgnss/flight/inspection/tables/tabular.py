@@ -29,14 +29,7 @@ from .clocks import UNIX_FROM, clock_names, fraction_of, tick
 from .grids import FEWEST_ROWS, GridTable
 from .halves import half_of_imu
 from .names import ACCEL, GYRO, Roles, UnknownTable
-from .roles import (
-    SIGMA_ROLES,
-    fixes_by_values,
-    gnss_roles,
-    has_gravity,
-    imu_roles,
-    triads_named,
-)
+from .roles import SIGMA_ROLES, fixes_by_values, gnss_roles, has_gravity, imu_roles, triads_named
 
 ASSUMED_HZ = 100.0  # of a table without clock: the usual rate of small IMUs
 ATTITUDE = re.compile(
@@ -75,11 +68,11 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
     grid = table.grid
     named = any(name is not None for name in grid.names)
     finite = np.isfinite(grid.values).all(axis=0)
-    long = len(grid.values) >= FEWEST_ROWS
-    fixes = gnss_roles(_whole(grid, finite)) if long else None
-    samples = imu_roles(_whole(grid, finite)) if long else None
-    if named and fixes is None and samples is None and long:
-        fixes = fixes_by_values(_whole(grid, finite))
+    enough_rows = len(grid.values) >= FEWEST_ROWS
+    fixes = gnss_roles(_zero_filled(grid, finite)) if enough_rows else None
+    samples = imu_roles(_zero_filled(grid, finite)) if enough_rows else None
+    if named and fixes is None and samples is None and enough_rows:
+        fixes = fixes_by_values(_zero_filled(grid, finite))
     if not named and fixes is not None and samples is not None:
         moves = {"vn", "speed"} & fixes.columns.keys()
         if has_gravity(grid, samples) and not moves:
@@ -89,21 +82,22 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
     attitude = sum(ATTITUDE.fullmatch(name) is not None for name in grid.named)
     solution = samples is None and attitude > (1 if grid.named.keys() >= OF_RECEIVER else 0)
     if samples is not None and fixes is not None:  # one clock has one unit
-        shared = {k: unit for k, unit in samples.clocks.items() if k in fixes.clocks}
+        shared = {column: unit for column, unit in samples.clocks.items() if column in fixes.clocks}
         fixes = replace(fixes, clocks=fixes.clocks | shared)
-    taken: list[tuple[Any, Roles]] = []
+    readable: list[tuple[Any, Roles]] = []
     if samples is not None and (
         samples.clocks or path.suffix.lower() in CLOCKLESS or len(grid.names) in (6, 7)
     ):
-        taken.append((_imu, samples))
+        readable.append((_imu_source, samples))
     if fixes is not None and fixes.clocks and not solution:
-        taken.append((_gnss, fixes))
-    spare = _left_out(table, finite, [roles for _, roles in taken])
+        readable.append((_gnss_source, fixes))
+    unread_columns = _unread_columns(table, finite, [roles for _, roles in readable])
     sources = [
-        replace(source_of(path, table, roles), columns_left_out=spare) for source_of, roles in taken
+        replace(source_of(path, table, roles), columns_left_out=unread_columns)
+        for source_of, roles in readable
     ]
-    if not sources and long and fixes is None and not solution:
-        sources = half_of_imu(path, table, lambda roles: _imu(path, table, roles))
+    if not sources and enough_rows and fixes is None and not solution:
+        sources = half_of_imu(path, table, lambda roles: _imu_source(path, table, roles))
     events = sources or _events(path, table)
     if (
         not events
@@ -115,7 +109,7 @@ def sources_of_table(path: Path, table: GridTable) -> list[InputSource]:
     return events
 
 
-def _whole(grid: UnknownTable, finite: Any) -> UnknownTable:
+def _zero_filled(grid: UnknownTable, finite: Any) -> UnknownTable:
     """Return the table with zeros for columns without a name that are no number in some rows.
 
     A column of zeros is taken for nothing.
@@ -129,7 +123,7 @@ def _whole(grid: UnknownTable, finite: Any) -> UnknownTable:
     return replace(grid, values=values)
 
 
-def _left_out(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
+def _unread_columns(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
     """Name the columns that no input takes, with the reason where there is a particular one."""
     grid = table.grid
     used: set[int | None] = {fine for fine, _ in grid.fractions.values()}
@@ -181,17 +175,17 @@ def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) ->
     return ""
 
 
-def _imu(path: Path, table: GridTable, roles: Roles) -> InputSource:
+def _imu_source(path: Path, table: GridTable, roles: Roles) -> InputSource:
     """Samples by their first clock; by the others in `other_clocks`."""
     sources = []
     for clock, unit in roles.clocks.items() or [(None, "s")]:
-        entry = _named(table)
+        entry = _keys_of_variable(table)
         columns, span = dict(roles.columns), None
         if clock is None:
             entry.set("rate_hz", ASSUMED_HZ, NO_CLOCK)
         else:
             columns |= _clock_columns(table.grid, clock, roles.week)
-            span = _span(table.grid, clock, unit)
+            span = _time_span(table.grid, clock, unit)
             _time_unit(entry, table.grid, clock, unit)
         _spell_out(path, table, columns, "imu", entry, roles.how)
         units = _header_units(table.grid, columns, entry)
@@ -233,41 +227,17 @@ def _header_units(grid: UnknownTable, columns: dict[str, int], entry: Keys) -> d
     return {key: unit for key, unit in header_units.items() if key in rates}
 
 
-def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
-    """Fixes by their first clock; by the others in `other_clocks`."""
+def _gnss_source(path: Path, table: GridTable, roles: Roles) -> InputSource:
+    """Return the fixes timed by their first clock; those by the others in `other_clocks`."""
     sources = []
     for clock, unit in roles.clocks.items():
-        entry = _named(table)
+        entry = _keys_of_variable(table)
         columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
         _time_unit(entry, table.grid, clock, unit)
-        if "quality" in roles.units:
-            entry.set_unit("quality", roles.units["quality"], NMEA_CODES)
-        for key, column in UNIT_COLUMNS.items():
-            if key not in roles.units:
-                continue
-            value, kind = roles.units[key], "length" if key == "length" else "angle"
-            if value != (table.grid.unit_of(roles.columns[column], kind) or "deg"):
-                quantity = "a course" if key == "course" else "latitude and longitude"
-                usual = f"no value exceeds what {quantity} in rad can be"
-                entry.set_unit(key, value, UNIT_REASONS.get(value, usual))
-        if "sigma" in roles.units:
-            entry.set_unit("sigma", roles.units["sigma"], SIGMA_UNIT_REASON)
-        if "velocity" in roles.units:
-            entry.set_unit("velocity", roles.units["velocity"], VELOCITY_UNIT_REASON)
+        _add_units(entry, table.grid, roles)
         if roles.repeat_column is not None:
             entry.set("repeat_column", table.fields[roles.repeat_column], HELD_FIXES)
-        if not SIGMA_ROLES & columns.keys():
-            entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
-        elif unstated := _unstated(table.grid, columns):
-            fixes = f"{unstated} of {len(table.grid.values)} fixes"
-            reason = (
-                f"{fixes} state no standard deviation, or 0: these are typical of a single-point"
-                " receiver"
-            )
-            entry.set("sigma_m", SINGLE_POINT["sigma_m"], reason)
-        if {"vn", "ve", "speed"} & columns.keys() and not {"sd_vn", "sd_v"} & columns.keys():
-            sigma = SINGLE_POINT["sigma_velocity_mps"]
-            entry.set("sigma_velocity_mps", sigma, NO_VELOCITY_SIGMA)
+        _add_sigmas(entry, table.grid, columns)
         _spell_out(path, table, columns, "gnss", entry, roles.how)
         if "north" in columns and _is_text(path) and (reference := reference_in(path)):
             entry.set("reference", list(reference), "a comment of the file names it")
@@ -279,12 +249,43 @@ def _gnss(path: Path, table: GridTable, roles: Roles) -> InputSource:
         if roles.repeat_column is not None:
             rows = np.flatnonzero(np.diff(table.grid.values[:, roles.repeat_column]) != 0.0) + 1
         count = f"fixes, {len(table.grid.values[rows])} of them"
-        span = _span(table.grid, clock, unit, rows)
+        span = _time_span(table.grid, clock, unit, rows)
         free_height = "h" in columns  # a name that may mean above the sea
         sources.append(
             InputSource("gnss", path, count, entry.keys, entry.why, span, free_height=free_height)
         )
     return replace(sources[0], other_clocks=tuple(sources[1:]))
+
+
+def _add_units(entry: Keys, grid: UnknownTable, roles: Roles) -> None:
+    """Add the units that the values show and the header does not state, each with its reason."""
+    if "quality" in roles.units:
+        entry.set_unit("quality", roles.units["quality"], NMEA_CODES)
+    for key, column in UNIT_COLUMNS.items():
+        if key not in roles.units:
+            continue
+        value, kind = roles.units[key], "length" if key == "length" else "angle"
+        if value != (grid.unit_of(roles.columns[column], kind) or "deg"):
+            quantity = "a course" if key == "course" else "latitude and longitude"
+            usual = f"no value exceeds what {quantity} in rad can be"
+            entry.set_unit(key, value, UNIT_REASONS.get(value, usual))
+    for key, reason in (("sigma", SIGMA_UNIT_REASON), ("velocity", VELOCITY_UNIT_REASON)):
+        if key in roles.units:
+            entry.set_unit(key, roles.units[key], reason)
+
+
+def _add_sigmas(entry: Keys, grid: UnknownTable, columns: dict[str, int]) -> None:
+    """Add a single-point receiver's standard deviations where fixes have none."""
+    if not SIGMA_ROLES & columns.keys():
+        entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
+    elif unstated := _unstated(grid, columns):
+        reason = (
+            f"{unstated} of {len(grid.values)} fixes state no standard deviation, or 0: these are"
+            " typical of a single-point receiver"
+        )
+        entry.set("sigma_m", SINGLE_POINT["sigma_m"], reason)
+    if {"vn", "ve", "speed"} & columns.keys() and not {"sd_vn", "sd_v"} & columns.keys():
+        entry.set("sigma_velocity_mps", SINGLE_POINT["sigma_velocity_mps"], NO_VELOCITY_SIGMA)
 
 
 def _unstated(grid: UnknownTable, columns: dict[str, int]) -> int:
@@ -313,7 +314,7 @@ def _clock_columns(grid: UnknownTable, clock: int, week: int | None) -> dict[str
     return {name: k for name, k in columns.items() if k is not None}
 
 
-def _named(table: GridTable) -> Keys:
+def _keys_of_variable(table: GridTable) -> Keys:
     """The key of the variable that holds the table, where the file has variables."""
     return Keys({} if table.variable is None else {"variable": table.variable})
 
@@ -334,16 +335,16 @@ def _time_unit(entry: Keys, grid: UnknownTable, clock: int, unit: str) -> None:
     entry.set_unit("time", unit, f"the header gives {unit}" if header_unit == unit else by_step)
 
 
-def _span(
+def _time_span(
     grid: UnknownTable, clock: int, unit: str, rows: Any = slice(None)
 ) -> tuple[float, float]:
     """First and last stamp, s; of a clock that counts from 1970 about the time of week."""
     column = grid.values[rows, clock] * tick(unit)
     if np.median(column) > UNIX_FROM:  # without rows from before the date was known
         column = column[column > UNIX_FROM]
-    first, last = float(column[0]), float(column[-1])
-    shift = 0.0 if first < UNIX_FROM else first - (first - GPS_EPOCH_UNIX) % WEEK_S
-    return first - shift, last - shift
+    first_s, last_s = float(column[0]), float(column[-1])
+    offset_s = 0.0 if first_s < UNIX_FROM else first_s - (first_s - GPS_EPOCH_UNIX) % WEEK_S
+    return first_s - offset_s, last_s - offset_s
 
 
 def _spell_out(

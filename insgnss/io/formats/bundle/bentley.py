@@ -24,13 +24,7 @@ from ....base.files import atomic_write
 from ....records import FramedOrientation
 from ....records.framed import TANGENT
 from ..orientation.ascii_columns import line_form
-from ..orientation.exported import (
-    check_names,
-    comment_lines,
-    frame_words,
-    places,
-    xml_text,
-)
+from ..orientation.exported import check_names, comment_lines, frame_words, places, xml_text
 from ..text.text import Source
 
 BENTLEY_HEAD = """<?xml version="1.0" encoding="utf-8"?>
@@ -98,9 +92,7 @@ def write_bentley(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
     head = BENTLEY_HEAD.format(
-        comment=comment,
-        name=xml_text(frame_words(eo)),
-        definition=xml_text(definition),
+        comment=comment, name=xml_text(frame_words(eo)), definition=xml_text(definition)
     )
     atomic_write(
         path,
@@ -141,8 +133,9 @@ def _reference(eo: FramedOrientation) -> tuple[str, NDArray[np.float64]]:
 
 
 def _text(
-    eo: FramedOrientation, head: str, camera: str, table: NDArray[np.float64]
+    eo: FramedOrientation, opening: str, camera: str, table: NDArray[np.float64]
 ) -> Iterable[str]:
+    """Yield the XML text, one photo group for each camera."""
     x, y, z = line_form(eo, "xyz", " ").split()
     photo = (
         "   <Photo><Id>%d</Id><ImagePath>%s</ImagePath><Pose><Metadata><SRSId>0</SRSId><Rotation>"
@@ -151,10 +144,10 @@ def _text(
         f"</Rotation><Center><x>{x}</x><y>{y}</y><z>{z}</z><Accurate>true</Accurate></Center>"
         "</Metadata></Pose></Photo>\n"
     )
-    yield head
+    yield opening
     names, number = eo.cameras
-    for k, name in enumerate(names):
-        rows = np.flatnonzero(number == k)
+    for camera_number, name in enumerate(names):
+        rows = np.flatnonzero(number == camera_number)
         yield PHOTOGROUP.format(name=xml_text(name or "camera"), camera=camera)
         for row, values in zip(rows.tolist(), table[rows].tolist(), strict=True):
             yield photo % (row, xml_text(eo.images[row]), *values)

@@ -28,12 +28,7 @@ from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
 from ....records.framed import GEOGRAPHIC
 from ..orientation.ascii_columns import numbers_of
-from ..orientation.exported import (
-    UnfitName,
-    check_names,
-    comment_lines,
-    new_directory,
-)
+from ..orientation.exported import UnfitName, check_names, comment_lines, new_directory
 from ..orientation.poses import vector
 from ..text.database import opened_database
 from ..text.text import Source
@@ -115,7 +110,7 @@ def write_colmap(
     else:
         numbered = read_colmap_database(database, eo.images, missing == "skip")
         images, cameras = numbered.images, numbered.cameras
-        eo, notes = _of_rows(eo, numbered.rows)
+        eo, notes = _orientation_of_rows(eo, numbered.rows)
         _check_stored_names(images, database)
         if camera is not None:
             cameras = _calibrated(camera_of(camera, "colmap"), cameras, database)
@@ -132,7 +127,7 @@ def write_colmap(
     return notes
 
 
-def _of_rows(
+def _orientation_of_rows(
     eo: FramedOrientation, rows: Sequence[int]
 ) -> tuple[FramedOrientation, tuple[str, ...]]:
     """Return the images `rows` of an orientation, and a note of those that are left out."""
@@ -296,7 +291,7 @@ def write_colmap_priors(
                 ids = _new_images(pycolmap, db, eo, models)
             else:
                 stored = _stored_images(db, eo, database, missing == "skip")
-                eo, notes = _of_rows(eo, tuple(stored))
+                eo, notes = _orientation_of_rows(eo, tuple(stored))
                 ids = list(stored.values())
             _write_priors(pycolmap, db, eo, ids, shift)
         finally:

@@ -96,14 +96,14 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
     """
     with opened_database(path, DATABASE_TABLES, DATABASE_KIND) as connection:
         stored = {
-            _text(path, name): (_whole(path, number), _whole(path, camera))
+            _text(path, name): (_integer(path, number), _integer(path, camera))
             for number, name, camera in connection.execute(
                 "SELECT image_id, name, camera_id FROM images"
             )
         }
         frames = _frames(path, connection)
         rows = connection.execute("SELECT camera_id, model, width, height, params FROM cameras")
-        stored_cameras = {_whole(path, row[0]): row[1:] for row in rows}
+        stored_cameras = {_integer(path, row[0]): row[1:] for row in rows}
     chosen = []
     names = names_in_database(images, tuple(stored), path, skip)
     for name in names.values():
@@ -193,12 +193,12 @@ def _frames(path: Source, connection: sqlite3.Connection) -> dict[int, tuple[int
         f" LEFT JOIN ({sensors}) s ON s.rig_id = f.rig_id WHERE d.sensor_type = 0"
     )
     return {
-        _whole(path, image): (_whole(path, rig), _whole(path, frame), _whole(path, count))
+        _integer(path, image): (_integer(path, rig), _integer(path, frame), _integer(path, count))
         for image, rig, frame, count in connection.execute(query)
     }
 
 
-def _whole(path: Source, value: Any) -> int:
+def _integer(path: Source, value: Any) -> int:
     """Return a whole number; a table of SQLite may hold anything in its place."""
     if type(value) is not int:
         problem = f"{value!r:.60} in place of a whole number; create the database again"

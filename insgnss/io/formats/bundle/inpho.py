@@ -75,18 +75,18 @@ def write_inpho_prj(
         or not 0.0 < focal_mm < np.inf
         or not abs(ground_m) < np.inf
     ):
-        got = (
+        problem = (
             f"needs focal_mm (got {focal_mm}), positive, and ground_m (got {ground_m}), the height"
             " of the terrain"
         )
         raise UsageError(
-            f"inpho_prj: {got}; give them, such as --set focal_mm=35 --set ground_m=500"
+            f"inpho_prj: {problem}; give them, such as --set focal_mm=35 --set ground_m=500"
         )
-    form = PHOTO.format(
+    template = PHOTO.format(
         camera=camera.replace("%", "%%"), ground=ground_m / eo.frame.units[1].metres, focal=focal_mm
     )
     table = numbers_of(eo, "xyz matrix", Conventions(attitude=ROTATION_SENSES[1]))
-    atomic_write(path, _blocks(eo, photo_ids(eo.images), form, table))
+    atomic_write(path, _blocks(eo, photo_ids(eo.images), template, table))
 
 
 def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:

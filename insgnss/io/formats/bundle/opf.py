@@ -56,6 +56,9 @@ OPF_BANDS = {
 }
 # step of the scene's shift (m): a short number that leaves small coordinates (chosen)
 SCENE_SHIFT_STEP_M = 100.0
+GRS80_AXIS_M = 6378137.0  # semi-major axis (m) of GRS 80 and WGS 84
+GRS80_INVERSE_FLATTENING = 298.2572  # 1 / flattening (-) of both, as far as they agree
+SAME_INVERSE_FLATTENING = 1e-4  # difference (-) up to which it is theirs: they differ by 1.5e-6
 SENSOR = 1  # number of the first sensor: any would do, further ones count on from it
 
 
@@ -95,18 +98,16 @@ def write_opf(
         a missing camera; a `path` with items of another project.
     """
     definition, horizontal = crs_definition(eo.frame)
-    of_cameras, number = eo.cameras
+    camera_names, number = eo.cameras
+    models = zip(cameras_of(camera, camera_names, "opf"), camera_names, strict=True)
     sensors = [
-        {"id": k, "name": name or "camera"} | _sensor(model, pixel_size_um, pixel_type, bands)
-        for k, (model, name) in enumerate(
-            zip(cameras_of(camera, of_cameras, "opf"), of_cameras, strict=True), start=SENSOR
-        )
+        {"id": sensor_id, "name": name or "camera"}
+        | _sensor(model, pixel_size_um, pixel_type, bands)
+        for sensor_id, (model, name) in enumerate(models, start=SENSOR)
     ]
-    shift = (
-        -np.round(eo.coordinates.mean(axis=0) / SCENE_SHIFT_STEP_M) * SCENE_SHIFT_STEP_M
-        if eo.images
-        else np.zeros(3)
-    )
+    shift = np.zeros(3)
+    if eo.images:
+        shift = -np.round(eo.coordinates.mean(axis=0) / SCENE_SHIFT_STEP_M) * SCENE_SHIFT_STEP_M
     angles = numbers_of(eo, "opk s_opk")
     ids = [(_uid("capture", name), _uid("camera", name)) for name in eo.images]
     uris = [f"{images.rstrip('/')}/{name}" if images else name for name in eo.images]
@@ -120,12 +121,11 @@ def write_opf(
         Path(path), files, lambda file: file.endswith(OPF_FILES), "an OPF project"
     ) as into:
 
-        def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
-            atomic_write(into / f"{name}.json", _json(name, head, lists))
+        def item(name: str, content: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
+            atomic_write(into / f"{name}.json", _json(name, content, lists))
 
         item("camera_list", {}, {"cameras": cameras})
-        sensor_ids = number + SENSOR
-        captures = _captures(eo, (ids, sensor_ids), angles, horizontal, pixel_type)
+        captures = _captures(eo, (ids, number + SENSOR), angles, horizontal, pixel_type)
         item("input_cameras", {"sensors": sensors}, {"captures": captures})
         if definition is not None:
             frame = {
@@ -168,13 +168,14 @@ def crs_definition(frame: MapFrame) -> tuple[str | None, str]:
     ellipsoid = re.search(r'ELLIPSOID\["[^"]*",([\d.]+),([\d.]+)', frame.wkt)
     is_grs80 = (
         ellipsoid is not None
-        and float(ellipsoid[1]) == 6378137.0
-        and abs(float(ellipsoid[2]) - 298.2572) < 1e-4
+        and float(ellipsoid[1]) == GRS80_AXIS_M
+        and abs(float(ellipsoid[2]) - GRS80_INVERSE_FLATTENING) < SAME_INVERSE_FLATTENING
     )
     return (horizontal if is_grs80 and "ellipsoid" in frame.heights else None), horizontal
 
 
 def _horizontal(wkt: str) -> str:
+    """Return the horizontal part of a compound CRS, as WKT."""
     from pyproj import CRS
 
     return str(CRS.from_wkt(wkt).sub_crs_list[0].to_wkt())

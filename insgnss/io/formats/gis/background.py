@@ -40,6 +40,7 @@ RASTER_KEY, RASTER_POINT = 1025, 2  # key of what a pixel is, and its value for 
 # keys of projected and geographic CRS, and no code: GeoTIFF
 CRS_KEYS, USER_DEFINED = (3072, 2048), 32767
 # 8 bits a band
+LONGEST_REASON = 160  # characters of a library's message (-): what follows is a dump of bytes
 EIGHT_BIT_MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr")
 BACKGROUNDS = "GeoTIFF of 8 bits a band with an EPSG code, or MBTiles of pictures"
 REWRITE = "write it anew by gdal_translate or gdalwarp"
@@ -102,9 +103,11 @@ def read_background(
     """
     north, east, _ = frame.position_from_geodetic(*places.T).T
     low, high = np.percentile([east, north], WITHOUT_OUTLIERS, axis=1)
-    middle, reach = 0.5 * (low + high), 0.5 * PICTURE_MARGIN * (high - low)
+    middle, half_extent = 0.5 * (low + high), 0.5 * PICTURE_MARGIN * (high - low)
     half = max(
-        float(reach[1]), float(reach[0]) * PICTURE_HEIGHT_PX / PICTURE_WIDTH_PX, LEAST_REACH_M
+        float(half_extent[1]),
+        float(half_extent[0]) * PICTURE_HEIGHT_PX / PICTURE_WIDTH_PX,
+        LEAST_REACH_M,
     )
     wide = half * PICTURE_WIDTH_PX / PICTURE_HEIGHT_PX
     x, y = map(float, middle)
@@ -129,29 +132,34 @@ def read_background(
         raise InputError.unread(path, error, "check path and permission") from None
     except UsageError as error:
         raise InputError.in_file(path, str(error)) from None
-    return GroundPicture(_drawn(path, raster, net_of, lat, lon), edges)
+    return GroundPicture(_resampled(path, raster, net_of, lat, lon), edges)
 
 
-def _drawn(path: Path, raster: Any, net_of: Any, lat: Array, lon: Array) -> Any:
+def _resampled(path: Path, raster: Any, net_of: Any, lat: Array, lon: Array) -> Any:
     """Return the pixels (h, w, 3) of the picture: the raster where its points lie in it."""
     from scipy.ndimage import map_coordinates
 
-    piece, crs = raster
-    across = (np.arange(PICTURE_WIDTH_PX) + 0.5) / PICTURE_WIDTH_PX * (NET_SIDE - 1)
-    along = (np.arange(PICTURE_HEIGHT_PX) + 0.5) / PICTURE_HEIGHT_PX * (NET_SIDE - 1)
-    grid = np.meshgrid(along, across, indexing="ij")
-    columns, rows = (map_coordinates(x, grid, order=1) for x in piece.columns_rows(*net_of(crs)))
-    h, w = piece.rgba.shape[:2]
-    inside = (columns > -0.5) & (columns < w - 0.5) & (rows > -0.5) & (rows < h - 0.5)
+    picture_part, crs = raster
+    column_net = (np.arange(PICTURE_WIDTH_PX) + 0.5) / PICTURE_WIDTH_PX * (NET_SIDE - 1)
+    row_net = (np.arange(PICTURE_HEIGHT_PX) + 0.5) / PICTURE_HEIGHT_PX * (NET_SIDE - 1)
+    grid = np.meshgrid(row_net, column_net, indexing="ij")
+    columns, rows = (
+        map_coordinates(net, grid, order=1) for net in picture_part.columns_rows(*net_of(crs))
+    )
+    height, width = picture_part.rgba.shape[:2]
+    inside = (columns > -0.5) & (columns < width - 0.5) & (rows > -0.5) & (rows < height - 0.5)
     bands = [
         map_coordinates(
-            piece.rgba[..., k].astype(np.float32), (rows, columns), order=1, mode="nearest"
+            picture_part.rgba[..., k].astype(np.float32), (rows, columns), order=1, mode="nearest"
         )
         for k in range(4)
     ]
     alpha = np.where(inside, bands[3], 0.0) / 255.0
     if not alpha.any():
-        ends = (f"{np.degrees(x.min()):.4f} to {np.degrees(x.max()):.4f}" for x in (lat, lon))
+        ends = (
+            f"{np.degrees(angles.min()):.4f} to {np.degrees(angles.max()):.4f}"
+            for angles in (lat, lon)
+        )
         raise InputError.in_file(
             path,
             "shows nothing of the flight, which is at latitudes {} and longitudes {}; give a"
@@ -166,7 +174,8 @@ def _geotiff(path: Path, net_of: Any) -> tuple[_Raster, Any]:
     from PIL import Image
 
     image: Any
-    most, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # of which overviews are read
+    default_limit = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None  # overviews are read of larger ones
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -174,58 +183,54 @@ def _geotiff(path: Path, net_of: Any) -> tuple[_Raster, Any]:
                 if image.format != "TIFF":
                     raise ValueError(f"it is {image.format}")
                 to_pixel, crs = _georeference(path, dict(image.tag_v2))
-                columns, rows = to_pixel(*net_of(crs))
-                finest = max(
-                    float(np.ptp(columns)) / PICTURE_WIDTH_PX,
-                    float(np.ptp(rows)) / PICTURE_HEIGHT_PX,
-                )
-                size = image.size
-                _seek_overview(image, finest)
-                if image.mode not in EIGHT_BIT_MODES:
-                    raise ValueError(f"its pixels are of mode {image.mode}")
-                if image.width * image.height > LARGEST_RASTER_PX:
-                    raise ValueError(
-                        f"{image.width} x {image.height} pixels, at most {LARGEST_RASTER_PX}"
-                        " without overviews"
-                    )
-                by = [size[0] / image.width, size[1] / image.height]
-                low, high = (
-                    [bound(x) / scale for x, scale in zip((columns, rows), by, strict=True)]
-                    for bound in (np.min, np.max)
-                )
-                box: Any = (
-                    *(max(int(x) - 2, 0) for x in low),
-                    *(min(int(x) + 3, side) for x, side in zip(high, image.size, strict=True)),
-                )
-                if box[0] >= box[2] or box[1] >= box[3]:
-                    box = (0, 0, 1, 1)  # beside the flight, as is said of it
-                rgba, shrink = _reduced(image.crop(box), finest / max(by))
+                return _covered_part(image, to_pixel, net_of(crs)), crs
         except (OSError, SyntaxError, ValueError, KeyError) as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise
             unknown = isinstance(error, Image.UnidentifiedImageError)
-            why = "not a picture" if unknown else " ".join(str(error).split())[:160]
-            raise InputError.in_file(path, f"is no {BACKGROUNDS} ({why}); {REWRITE}") from None
+            reason = "not a picture" if unknown else " ".join(str(error).split())[:LONGEST_REASON]
+            raise InputError.in_file(path, f"is no {BACKGROUNDS} ({reason}); {REWRITE}") from None
         finally:
-            Image.MAX_IMAGE_PIXELS = most
+            Image.MAX_IMAGE_PIXELS = default_limit
+
+
+def _covered_part(image: Any, to_pixel: Any, net: tuple[Array, Array]) -> _Raster:
+    """Return the pixels that the net covers, of the overview that suits the picture."""
+    columns, rows = to_pixel(*net)
+    finest = max(float(np.ptp(columns)) / PICTURE_WIDTH_PX, float(np.ptp(rows)) / PICTURE_HEIGHT_PX)
+    width, height = image.size
+    _seek_overview(image, finest)
+    if image.mode not in EIGHT_BIT_MODES:
+        raise ValueError(f"its pixels are of mode {image.mode}")
+    if image.width * image.height > LARGEST_RASTER_PX:
+        size = f"{image.width} x {image.height} pixels"
+        raise ValueError(f"{size}, at most {LARGEST_RASTER_PX} without overviews")
+    overview_scale = (width / image.width, height / image.height)
+    corner, end = [], []
+    for pixels, scale, side in zip((columns, rows), overview_scale, image.size, strict=True):
+        corner.append(max(int(pixels.min() / scale) - 2, 0))
+        end.append(min(int(pixels.max() / scale) + 3, side))
+    if corner[0] >= end[0] or corner[1] >= end[1]:
+        corner, end = [0, 0], [1, 1]  # beside the flight, as `_resampled` says
+    rgba, shrink = _reduced(image.crop((*corner, *end)), finest / max(overview_scale))
 
     def columns_rows(x: Array, y: Array) -> tuple[Array, Array]:
-        of_axes = zip(to_pixel(x, y), by, box[:2], strict=True)
+        of_axes = zip(to_pixel(x, y), overview_scale, corner, strict=True)
         column, row = ((pixel / scale - low) / shrink - 0.5 for pixel, scale, low in of_axes)
         return column, row
 
-    return _Raster(rgba, columns_rows), crs
+    return _Raster(rgba, columns_rows)
 
 
 def _seek_overview(image: Any, finest: float) -> None:
     """Go to the smallest overview of a file whose pixels are no larger than those wanted."""
-    full, best = image.size, (image.width, 0)
+    full_size, best_frame = image.size, (image.width, 0)
     for frame in range(1, getattr(image, "n_frames", 1)):
         image.seek(frame)
         reduced = image.tag_v2.get(REDUCED_TAG, 0) == 1  # 4 and 5 are masks
-        if reduced and full[0] / image.width <= finest and image.width < best[0]:
-            best = (image.width, frame)
-    image.seek(best[1])
+        if reduced and full_size[0] / image.width <= finest and image.width < best_frame[0]:
+            best_frame = (image.width, frame)
+    image.seek(best_frame[1])
 
 
 def _reduced(image: Any, finest: float) -> tuple[Any, int]:
@@ -251,19 +256,20 @@ def _georeference(path: Path, tags: dict[int, Any]) -> tuple[Any, Any]:
     if a * d == b * c:
         raise ValueError("its pixels have no size")
     listed = tags.get(KEYS_TAG, ())
-    keys = {listed[k]: listed[k + 3] for k in range(4, len(listed) - 3, 4)}
+    keys = {listed[index]: listed[index + 3] for index in range(4, len(listed) - 3, 4)}
     code = next((keys[key] for key in CRS_KEYS if key in keys), USER_DEFINED)
     if code == USER_DEFINED:
         raise InputError.in_file(
-            path,
-            "names no CRS by its EPSG code; write it anew by gdalwarp -t_srs EPSG:3857",
+            path, "names no CRS by its EPSG code; write it anew by gdalwarp -t_srs EPSG:3857"
         )
     # else its corner is at a whole number
-    first = 0.5 if keys.get(RASTER_KEY) == RASTER_POINT else 0.0
+    corner_offset = 0.5 if keys.get(RASTER_KEY) == RASTER_POINT else 0.0
 
     def to_pixel(x: Array, y: Array) -> tuple[Array, Array]:
         dx, dy, det = x - x0, y - y0, a * d - b * c
-        return i0 + first + (d * dx - b * dy) / det, j0 + first + (a * dy - c * dx) / det
+        return i0 + corner_offset + (d * dx - b * dy) / det, j0 + corner_offset + (
+            a * dy - c * dx
+        ) / det
 
     return to_pixel, crs_of(f"EPSG:{code}")
 
@@ -283,21 +289,25 @@ def _tiles(path: Path, net_of: Any) -> tuple[_Raster, Any]:
             raise ValueError("it holds no tiles")
 
         def cover(level: int) -> tuple[int, int, int, int]:
-            side, last = 2.0 * MERCATOR_M / 2**level, 2**level - 1
+            side, last_tile = 2.0 * MERCATOR_M / 2**level, 2**level - 1
             ends = (x.min(), y.min(), x.max(), y.max())
             return tuple(  # type: ignore[return-value]
-                int(np.clip((end + MERCATOR_M) / side, 0, last)) for end in ends
+                int(np.clip((end + MERCATOR_M) / side, 0, last_tile)) for end in ends
             )
 
         def count(level: int) -> int:
             west, south, east, north = cover(level)
             return (east - west + 1) * (north - south + 1)
 
-        wanted = float(np.ptp(x)) / PICTURE_WIDTH_PX
-        fine = [n for n in levels if 2.0 * MERCATOR_M / (256 * 2**n) <= wanted]
-        level = min(fine, default=levels[-1])
+        metres_of_pixel = float(np.ptp(x)) / PICTURE_WIDTH_PX
+        sharp_enough = [
+            candidate
+            for candidate in levels
+            if 2.0 * MERCATOR_M / (256 * 2**candidate) <= metres_of_pixel
+        ]
+        level = min(sharp_enough, default=levels[-1])
         while count(level) > MOST_TILES and level > levels[0]:
-            level = max(n for n in levels if n < level)
+            level = max(candidate for candidate in levels if candidate < level)
         box = cover(level)
         rgba = _put_together(database, source, level, box)
     side = 2.0 * MERCATOR_M / 2**level

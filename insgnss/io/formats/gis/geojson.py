@@ -76,7 +76,7 @@ def write_geojson(
     if eo.frame.datum != "EPSG:4979":  # the member of 2008, since RFC 7946 knows WGS 84 alone
         urn = "urn:ogc:def:crs:" + eo.frame.datum.replace(":", "::")
         head["crs"] = {"type": "name", "properties": {"name": urn}}
-    rows = _orthority(eo, camera) if dialect == "orthority" else _features(eo)
+    rows = _orthority_features(eo, camera) if dialect == "orthority" else _features(eo)
     start = json.dumps(head).removesuffix("}") + ', "features": [\n'
     atomic_write(path, listed_rows(start, rows, ",\n", "\n]}\n"))
 
@@ -90,16 +90,17 @@ AT_POINT = '"geometry": {"type": "Point", "coordinates": [%.10f, %.10f, %.4f]}'
 
 
 def _features(eo: FramedOrientation) -> Iterator[str]:
-    P = local_covariance(eo)
+    """Yield the GeoJSON feature of each image, then the track."""
+    covariance = local_covariance(eo)
     names = [
         f'"{name}": [%.6f, %.6f, %.6f]'
         for name in ("ypr_deg", "ypr_sigma_deg", "opk_deg", "opk_sigma_deg")
     ]
-    form = (
+    template = (
         f'{{"type": "Feature", {AT_POINT}, "properties": {{"image": %s, "time_utc": "%s",'
         f' "gps_week": {eo.gps_week}, "tow_s": %.6f, '
     )
-    form += (
+    template += (
         ", ".join(names)
         + ', "sigma_enu_m": [%.5f, %.5f, %.5f], "cov6_enu": ['
         + ", ".join(["%.9g"] * 21)
@@ -110,16 +111,20 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
         [
             eo.time,
             all_angles(eo),
-            np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, :3]),
-            P[:, *np.triu_indices(6)],
+            np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, :3]),
+            covariance[:, *np.triu_indices(6)],
         ]
     )
-    for x, name, when, row in zip(
+    for coordinates, name, when, row in zip(
         position.tolist(), eo.images, utc(eo), table.tolist(), strict=True
     ):
-        yield form % (*x, json.dumps(name), when, *row)
+        yield template % (*coordinates, json.dumps(name), when, *row)
     lines = [
-        "[" + ", ".join(f"[{x:.10f}, {y:.10f}, {z:.4f}]" for x, y, z in line.tolist()) + "]"
+        "["
+        + ", ".join(
+            f"[{coordinates:.10f}, {y:.10f}, {z:.4f}]" for coordinates, y, z in line.tolist()
+        )
+        + "]"
         for line in cut_at_antimeridian(position)
     ]
     if lines:
@@ -151,26 +156,27 @@ def cut_at_antimeridian(position: Array) -> list[Array]:
     list of ndarray, (m, 3)
         Pieces of at least two points; none of a single place.
     """
-    pieces, start, first = [], position[:0], 0
-    for k in np.flatnonzero(np.abs(np.diff(position[:, 0])) > HALF_TURN_DEG).tolist():
-        before, after = position[k], position[k + 1]
-        side = np.copysign(HALF_TURN_DEG, before[0])
-        way = after[0] + 2.0 * side - before[0]
-        share = (side - before[0]) / way if way else 0.0
-        end, begin = np.tile(before + share * (after - before), (2, 1))
+    pieces, start, first_row = [], position[:0], 0
+    for row in np.flatnonzero(np.abs(np.diff(position[:, 0])) > HALF_TURN_DEG).tolist():
+        point, next_point = position[row], position[row + 1]
+        side = np.copysign(HALF_TURN_DEG, point[0])
+        longitude_step = next_point[0] + 2.0 * side - point[0]
+        fraction = (side - point[0]) / longitude_step if longitude_step else 0.0
+        end, begin = np.tile(point + fraction * (next_point - point), (2, 1))
         end[0], begin[0] = side, -side
-        pieces.append([start, position[first : k + 1], _unless(end, before)])
-        start, first = _unless(begin, after), k + 1
-    pieces.append([start, position[first:]])
+        pieces.append([start, position[first_row : row + 1], _point_unless_same(end, point)])
+        start, first_row = _point_unless_same(begin, next_point), row + 1
+    pieces.append([start, position[first_row:]])
     return [line for piece in pieces if len(line := np.vstack(piece)) > 1]
 
 
-def _unless(point: Array, same: Array) -> Array:
+def _point_unless_same(point: Array, same: Array) -> Array:
     """Return a point as (1, 3), or (0, 3) where it is the same as another."""
     return point[None] if np.any(point != same) else np.empty((0, 3))
 
 
-def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
+def _orthority_features(eo: FramedOrientation, camera: str) -> Iterator[str]:
+    """Yield the GeoJSON feature of each image with the keys that Orthority reads."""
     opk = numbers_of(eo, "opk", Conventions(unit="rad"))
     lens = json.dumps(camera).replace("%", "%%")
     form = (

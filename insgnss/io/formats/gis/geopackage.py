@@ -128,6 +128,7 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
 
 
 def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array, srs: _Srs) -> None:
+    """Write the reference systems and the contents of both tables, images and track."""
     from pyproj import CRS
 
     wgs84 = CRS.from_epsg(4326)
@@ -137,24 +138,24 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
     required = (UNDEFINED_CARTESIAN, degrees, globe)
     rows = {row.number: row for row in (*required, srs)}.values()
     fields = [
-        (r.name, r.number, r.organization, r.number, r.wkt1, r.description, r.wkt2) for r in rows
+        (row.name, row.number, row.organization, row.number, row.wkt1, row.description, row.wkt2)
+        for row in rows
     ]
     db.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?, ?)", fields)
-    box = (
-        [*coordinates[:, :2].min(axis=0).tolist(), *coordinates[:, :2].max(axis=0).tolist()]
-        if len(coordinates)
-        else [None] * 4
-    )
+    box = [None] * 4
+    if len(coordinates):
+        plane = coordinates[:, :2]
+        box = [*plane.min(axis=0).tolist(), *plane.max(axis=0).tolist()]
     description = "; ".join(sentences(eo))
     contents = (
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, min_x, min_y,"
         " max_x, max_y, srs_id, last_change)"
     )
-    last = (utc(eo, "ms") or [GPS_EPOCH_ISO])[-1]  # not now: the same content, the same file
+    last_change = (utc(eo, "ms") or [GPS_EPOCH_ISO])[-1]  # not now: the same content, the same file
     for table, kind in (("images", "POINT"), ("track", "LINESTRING")):
         db.execute(
             f"{contents} VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?, ?)",
-            (table, table, description, *box, srs.number, last),
+            (table, table, description, *box, srs.number, last_change),
         )
         db.execute(
             "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)",
@@ -212,16 +213,12 @@ def _line(coordinates: Array, srs: int) -> bytes:
 
 
 def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple[object, ...]]:
+    """Yield the row of each image: geometry, name, time, angles, sigmas, rotation, covariance."""
     reals = np.hstack(
-        [
-            all_angles(eo),
-            position_sigma(eo),
-            quaternion_from_rotation(eo.C_fc),
-            eo.geodetic[:, 2:],
-        ]
+        [all_angles(eo), position_sigma(eo), quaternion_from_rotation(eo.C_fc), eo.geodetic[:, 2:]]
     )
-    form = json.dumps([["%.9g"] * 6] * 6).replace('"', "")
-    for geometry, name, when, tow, row, P in zip(
+    covariance_form = json.dumps([["%.9g"] * 6] * 6).replace('"', "")
+    for geometry, name, when, tow, row, covariance in zip(
         _points(coordinates, srs),
         eo.images,
         utc(eo, "ms"),
@@ -230,4 +227,12 @@ def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple
         eo.cov.reshape(-1, 36),
         strict=True,
     ):
-        yield (geometry, name, when, eo.gps_week, tow, *row, form % tuple(P.tolist()))
+        yield (
+            geometry,
+            name,
+            when,
+            eo.gps_week,
+            tow,
+            *row,
+            covariance_form % tuple(covariance.tolist()),
+        )

@@ -156,6 +156,7 @@ def _document(eo: FramedOrientation, position: Array, mode: str, meaning: str) -
 
 
 def _placemarks(eo: FramedOrientation, position: Array, mode: str) -> Iterator[str]:
+    """Yield the placemark of each image, with a camera unless it is clamped to the ground."""
     camera = "<Camera><longitude>%.10f</longitude><latitude>%.10f</latitude>"
     camera += "<altitude>%.4f</altitude><heading>%.6f</heading>"
     camera += "<tilt>%.6f</tilt><roll>%.6f</roll>"
@@ -165,13 +166,13 @@ def _placemarks(eo: FramedOrientation, position: Array, mode: str) -> Iterator[s
     data = "".join(f'<Data name="{name}"><value>%.6f</value></Data>' for name in KML_DATA)
     point = f"<Point><altitudeMode>{mode}</altitudeMode>"
     point += "<coordinates>%.10f,%.10f,%.4f</coordinates></Point>"
-    form = f"<Placemark><name>%s</name>{camera}<TimeStamp><when>%s</when></TimeStamp>"
-    form += "<styleUrl>#photo</styleUrl>"
-    form += f"<ExtendedData>{data}</ExtendedData>{point}</Placemark>\n"
+    template = f"<Placemark><name>%s</name>{camera}<TimeStamp><when>%s</when></TimeStamp>"
+    template += "<styleUrl>#photo</styleUrl>"
+    template += f"<ExtendedData>{data}</ExtendedData>{point}</Placemark>\n"
     ypr, _ = true_north_ypr(eo)
     angles = np.degrees(camera_angles(eo.C_Ec @ CV_RUB))
     table = np.column_stack([np.degrees(ypr), local_sigma(eo), eo.geodetic[:, 2]])
     rows = zip(eo.images, position.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
-    for name, x, turn, when, row in rows:
-        view = (*x, *turn) if camera else ()
-        yield form % (xml_text(name), *view, when, *row, *x)
+    for name, coordinates, camera_ypr, when, row in rows:
+        view = (*coordinates, *camera_ypr) if camera else ()
+        yield template % (xml_text(name), *view, when, *row, *coordinates)

@@ -66,22 +66,24 @@ def gimbal_angles(eo: FramedOrientation, yaw: Array, gimbal: str) -> tuple[Array
     if gimbal == "none":
         return None, [ANGLES_LEFT_OUT] * len(yaw)
     tilt = np.degrees(np.arccos(np.clip(-eo.C_Ec[:, 2, 2], -1.0, 1.0)))
-    if gimbal == "nadir" and (far := tilt > MOST_TILT_DEG).any():
-        k = int(np.argmax(far))
+    if gimbal == "nadir" and (oblique := tilt > MOST_TILT_DEG).any():
+        image = int(np.argmax(oblique))
         message = (
-            f"looks {tilt[k]:.1f} deg off the nadir (limit {MOST_TILT_DEG:.0f} deg for gimbal"
+            f"looks {tilt[image]:.1f} deg off the nadir (limit {MOST_TILT_DEG:.0f} deg for gimbal"
             " 'nadir')"
         )
-        raise DataError(f"image {eo.images[k]}: {message}; take gimbal 'auto', 'exact' or 'none'")
-    exact = _exact(eo, yaw)
+        raise DataError(
+            f"image {eo.images[image]}: {message}; take gimbal 'auto', 'exact' or 'none'"
+        )
+    exact = _exact_angles(eo, yaw)
     down = np.column_stack(
         [(np.degrees(yaw) + 180.0) % 360.0 - 180.0, np.full_like(yaw, -90.0), np.zeros_like(yaw)]
     )
     nadir = np.full(len(yaw), gimbal == "nadir")
     if gimbal == "auto":
         nadir = _is_nadir(tilt, exact[:, 2])
-    turn = np.where(nadir[:, None], down, exact)
-    return turn, [NADIR_ANGLES if looks_down else EXACT_ANGLES for looks_down in nadir]
+    angles_deg = np.where(nadir[:, None], down, exact)
+    return angles_deg, [NADIR_ANGLES if looks_down else EXACT_ANGLES for looks_down in nadir]
 
 
 def _is_nadir(tilt: Array, roll: Array) -> Array:
@@ -94,17 +96,17 @@ def _is_nadir(tilt: Array, roll: Array) -> Array:
     return (tilt <= NADIR_DEG) | ((tilt <= MOST_TILT_DEG) & (tilt <= cost))
 
 
-def _exact(eo: FramedOrientation, yaw: Array) -> Array:
+def _exact_angles(eo: FramedOrientation, yaw: Array) -> Array:
     """Return yaw, pitch, roll (n, 3), deg, of (I.1).
 
     Where the camera looks straight down its azimuth is that of the image's top, `yaw` (n,), rad.
     The roll is what this azimuth leaves, so that all three give the attitude back in any case.
     """
-    C = NED_ENU @ eo.C_Ec @ GIMBAL_CV
-    level = np.hypot(C[:, 0, 0], C[:, 1, 0])
-    azimuth = np.where(level > LOCKED, np.arctan2(C[:, 1, 0], C[:, 0, 0]), yaw)
-    s, c = np.sin(azimuth)[:, None], np.cos(azimuth)[:, None]
-    across = c * C[:, 1] - s * C[:, 0]
-    roll = np.arctan2(-across[:, 2], across[:, 1])
+    C_ned = NED_ENU @ eo.C_Ec @ GIMBAL_CV
+    horizontal = np.hypot(C_ned[:, 0, 0], C_ned[:, 1, 0])
+    azimuth = np.where(horizontal > LOCKED, np.arctan2(C_ned[:, 1, 0], C_ned[:, 0, 0]), yaw)
+    sine, cosine = np.sin(azimuth)[:, None], np.cos(azimuth)[:, None]
+    right_axis = cosine * C_ned[:, 1] - sine * C_ned[:, 0]
+    roll = np.arctan2(-right_axis[:, 2], right_axis[:, 1])
     azimuth = (azimuth + np.pi) % (2.0 * np.pi) - np.pi
-    return np.degrees(np.column_stack([azimuth, np.arctan2(-C[:, 2, 0], level), roll]))
+    return np.degrees(np.column_stack([azimuth, np.arctan2(-C_ned[:, 2, 0], horizontal), roll]))

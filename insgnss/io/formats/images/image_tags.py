@@ -322,39 +322,39 @@ def _arguments(source: Path, tags: Tags) -> str:
 
 def _write(source: Path, target: Path, tags: Tags) -> None:
     with readable(source), opened(source) as stream:
-        atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
+        atomic_write(target, _tagged_copy(stream, os.fstat(stream.fileno()).st_size, source, tags))
 
 
-def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
-    """The bytes of the copy."""
+def _tagged_copy(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
+    """Yield the bytes of the copy, JPEG or TIFF, with the new tags."""
     read = reader(stream)
-    who = str(source)
+    name = str(source)
     if read(0, 2) == b"\xff\xd8":
-        head, content_start = with_tags(
+        beginning, content_start = with_tags(
             read,
             size,
-            who,
-            lambda exif: patched_exif(exif, tags, who),
-            lambda xmp: packet(xmp, tags, who),
+            name,
+            lambda exif: patched_exif(exif, tags, name),
+            lambda xmp: packet(xmp, tags, name),
         )
-        yield head
-        yield from _from(stream, content_start)
+        yield beginning
+        yield from _remaining_bytes(stream, content_start)
         return
     if read(0, 2) not in (b"II", b"MM"):
         raise InputError.in_file(
             source, "is neither JPEG nor TIFF; convert it, or export a table instead"
         )
-    tiff = Tiff(read, size, who)
-    xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, who))
-    header, tail = tiff.changed(
+    tiff = Tiff(read, size, name)
+    xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, name))
+    header, appended = tiff.changed(
         {XMP: xmp}, *exif_tags(tiff.bytes_of(tiff.exif, EXIF_VERSION), tags)
     )
     yield header
-    yield from _from(stream, len(header))
-    yield tail
+    yield from _remaining_bytes(stream, len(header))
+    yield appended
 
 
-def _from(stream: BinaryIO, offset: int) -> Iterator[bytes]:
+def _remaining_bytes(stream: BinaryIO, offset: int) -> Iterator[bytes]:
     stream.seek(offset)
     while chunk := stream.read(COPIED_BYTES):
         yield chunk

@@ -38,18 +38,20 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
         A broken chain, a segment that stands twice, or a new one too long for a JPEG.
     """
     segments, content_start = _segments(read, size, who)
-    for start, change, kind in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
-        places = [
-            k
-            for k, (marker, content) in enumerate(segments)
+    for start, make_content, kind in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
+        positions = [
+            index
+            for index, (marker, content) in enumerate(segments)
             if marker == APP1 and content.startswith(start)
         ]
-        if len(places) > 1:
+        if len(positions) > 1:
             raise InputError(
-                f"{who}: has {len(places)} segments of {kind}; which one is valid is"
+                f"{who}: has {len(positions)} segments of {kind}; which one is valid is"
                 " ambiguous; remove the others"
             )
-        content = start + change(segments.pop(places[0])[1][len(start) :] if places else None)
+        content = start + make_content(
+            segments.pop(positions[0])[1][len(start) :] if positions else None
+        )
         if len(content) > SEGMENT_BYTES:
             raise InputError(
                 f"{who}: its {kind} would need {len(content)} bytes (limit {SEGMENT_BYTES});"
@@ -96,17 +98,17 @@ def _segments(read: Read, size: int, who: str) -> tuple[list[tuple[int, bytes]],
     position = 2
     segments: list[tuple[int, bytes]] = []
     while True:
-        head = read(position, 4)
-        while head[:2] == b"\xff\xff":  # fill bytes
+        header = read(position, 4)
+        while header[:2] == b"\xff\xff":  # fill bytes
             position += 1
-            head = read(position, 4)
-        length = int.from_bytes(head[2:4], "big")
-        if len(head) < 4 or head[0] != 0xFF or length < 2 or position + 2 + length > size:
+            header = read(position, 4)
+        length = int.from_bytes(header[2:4], "big")
+        if len(header) < 4 or header[0] != 0xFF or length < 2 or position + 2 + length > size:
             raise InputError(
                 f"{who}: no JPEG from byte {position} of {size} on; it was cut off; copy it again"
                 " from its source"
             )
-        if not (APP0 <= head[1] <= 0xEF or head[1] == 0xFE):
+        if not (APP0 <= header[1] <= 0xEF or header[1] == 0xFE):
             return segments, position
-        segments.append((head[1], read(position + 4, length - 2)))
+        segments.append((header[1], read(position + 4, length - 2)))
         position += 2 + length

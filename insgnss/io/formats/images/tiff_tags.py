@@ -51,19 +51,20 @@ class Tiff:
     """
 
     def __init__(self, read: Callable[[int, int], bytes], size: int, who: str) -> None:
+        """Read the header and the first, Exif and GPS directories; refuse what is no TIFF."""
         self._read, self._size, self._who = read, size, who
-        head = read(0, 16)
-        self._order = {b"II": "<", b"MM": ">"}.get(head[:2], "")
-        magic = (
-            struct.unpack(f"{self._order}H", head[2:4])[0] if self._order and len(head) >= 8 else 0
-        )
+        header = read(0, 16)
+        self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
+        magic = 0
+        if self._order and len(header) >= 8:
+            (magic,) = struct.unpack(f"{self._order}H", header[2:4])
         if magic not in (42, 43):
             raise self._broken("is no TIFF")
         self.big = magic == 43
         self._word, self._bytes = ("Q", 8) if self.big else ("I", 4)
-        self._head = head[: 16 if self.big else 8]
-        first = self._unpack(self._word, self._head[-self._bytes :])
-        self.first, self._next = self._directory(first) if first else ({}, 0)
+        self._head = header[: 16 if self.big else 8]
+        first_offset = self._unpack(self._word, self._head[-self._bytes :])
+        self.first, self._next = self._directory(first_offset) if first_offset else ({}, 0)
         self.exif, self.gps = (self._below(tag) for tag in (EXIF_IFD, GPS_IFD))
 
     def bytes_of(self, directory: Mapping[int, _Entry], tag: int) -> bytes | None:
@@ -87,16 +88,16 @@ class Tiff:
         entry, data = directory.get(tag), self.bytes_of(directory, tag)
         if entry is None or data is None:
             return None
-        form = {3: "H", 4: "I", 5: "II", 10: "ii"}.get(entry.kind, "")
-        if not form or len(data) < (size := struct.calcsize(f"={form}")):
+        layout = {3: "H", 4: "I", 5: "II", 10: "ii"}.get(entry.kind, "")
+        if not layout or len(data) < (byte_count := struct.calcsize(f"={layout}")):
             raise self._broken(f"tag {tag} holds no number")
-        numbers = struct.unpack(self._order + form, data[:size])
+        numbers = struct.unpack(self._order + layout, data[:byte_count])
         if len(numbers) == 1:
             return float(numbers[0])
         return float(numbers[0] / numbers[1]) if numbers[1] else None
 
     def changed(
-        self, first: Mapping[int, Value], exif: Mapping[int, Value], gps: Mapping[int, Value]
+        self, first_tags: Mapping[int, Value], exif: Mapping[int, Value], gps: Mapping[int, Value]
     ) -> tuple[bytes, bytes]:
         """Return the new header, and what follows the old end, with these tags set.
 
@@ -105,23 +106,23 @@ class Tiff:
         InputError
             Offsets of 4 bytes do not reach.
         """
-        tail = bytearray(b"\x00" * (self._size % 2))
+        appended = bytearray(b"\x00" * (self._size % 2))
         pointers = {}
         for tag, old, new in ((EXIF_IFD, self.exif, exif), (GPS_IFD, self.gps, gps)):
             if new:
                 entry = _Entry(
                     LONG8 if self.big else TIFF_LONG,
                     1,
-                    struct.pack(self._order + self._word, self._append(tail, old, new, 0)),
+                    struct.pack(self._order + self._word, self._append(appended, old, new, 0)),
                 )
                 pointers[tag] = entry
-        start = self._append(tail, self.first | pointers, first, self._next)
-        if not self.big and self._size + len(tail) > 0xFFFFFFFF:
+        start = self._append(appended, self.first | pointers, first_tags, self._next)
+        if not self.big and self._size + len(appended) > 0xFFFFFFFF:
             raise InputError(
                 f"{self._who}: is too long for the offsets of a TIFF (4 GiB); save it as BigTIFF"
             )
         return self._head[: -self._bytes] + struct.pack(self._order + self._word, start), bytes(
-            tail
+            appended
         )
 
     def _append(

@@ -54,7 +54,7 @@ def set_properties(
         bound = set(re.findall(rf'xmlns:([\w.-]+)\s*=\s*["\']{re.escape(uri)}["\']', text))
         # ours as well where it stands for a sibling of the namespace
         for prefix in bound | ({own_prefix} if own_prefix else set()):
-            text = _without(text, prefix, names)
+            text = _without_property(text, prefix, names)
     rdf = next(iter(re.findall(rf'xmlns:([\w.-]+)\s*=\s*["\']{re.escape(RDF)}["\']', text)), "rdf")
     about = re.search(rf'{rdf}:about\s*=\s*("[^"]*"|\'[^\']*\')', text)
     entry = f"<{rdf}:Description {rdf}:about={about[1] if about else quoteattr('')}"
@@ -66,19 +66,20 @@ def set_properties(
     text = re.sub(rf"<{rdf}:RDF([^>]*)/>", rf"<{rdf}:RDF\1></{rdf}:RDF>", text)
     head, end, foot = text.rpartition(f"</{rdf}:RDF>")
     text = f"{head}{entry}/>\n{end}{foot}"
-    if not end or not _once(text, new, stale):
+    if not end or not _is_written_once(text, new, stale):
         raise _broken(who, "is not well formed")
     return text.encode("utf-8")
 
 
-def _without(text: str, prefix: str, names: tuple[str, ...]) -> str:
+def _without_property(text: str, prefix: str, names: tuple[str, ...]) -> str:
     """Return `text` without attributes and elements of these names."""
     name = rf"{re.escape(prefix)}:(?:{'|'.join(map(re.escape, names))})"
     text = re.sub(rf"<({name})(?:\s[^<>]*)?(?:/>|>.*?</\1\s*>)\s*", "", text, flags=re.DOTALL)
     return re.sub(rf"\s+{name}\s*=\s*(?:\"[^\"]*\"|'[^']*')", "", text)
 
 
-def _once(text: str, new: Properties, stale: Mapping[str, tuple[str, ...]]) -> bool:
+def _is_written_once(text: str, new: Properties, stale: Mapping[str, tuple[str, ...]]) -> bool:
+    """Return whether the text is valid XML that holds each new property once."""
     try:
         root = parse_xml("", text.strip().encode("utf-8"))
     except InputError:

@@ -98,13 +98,17 @@ def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamp
             f" stamps; leave {named('rate_hz')} out, and name the time column of both files tow"
         )
     gyro, accel = (
-        _read(file, replace(options, columns=_of_one(options.columns, triad)), ("tow", *triad))
+        _read(
+            file,
+            replace(options, columns=_columns_of_one_triad(options.columns, triad)),
+            ("tow", *triad),
+        )
         for file, triad in ((path, GYRO), (options.accel_file, ACCEL))
     )
     return joined(gyro, accel)
 
 
-def _of_one(columns: Columns, triad: tuple[str, ...]) -> Columns:
+def _columns_of_one_triad(columns: Columns, triad: tuple[str, ...]) -> Columns:
     """Return the columns of the file that has one triad alone."""
     second_triad = ACCEL if triad == GYRO else GYRO
     if isinstance(columns, Mapping):

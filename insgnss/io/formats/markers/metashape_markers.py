@@ -14,6 +14,37 @@ from ..orientation.exported import check_characters, xml_text
 from ..text.text import Source
 
 MARKERS_VERSION = "1.5.0"
+DOCUMENT = """<?xml version="1.0" encoding="UTF-8"?>
+<document version="{version}">
+  <chunk label="targets" enabled="true">
+    <sensors next_id="1">
+      <sensor id="0" label="{sensor}" type="frame">
+        {size}
+        <calibration type="frame" class="initial">
+          {size}<f>{focal:.6f}</f>
+        </calibration>
+      </sensor>
+    </sensors>
+    <cameras next_id="{camera_count}" next_group_id="0">
+{cameras}
+    </cameras>
+    <markers next_id="{marker_count}" next_group_id="0">
+{markers}
+    </markers>
+    <reference>{reference}</reference>
+    <settings>
+      <property name="accuracy_projections" value="{accuracy:.4g}"/>
+    </settings>
+    <frames next_id="1">
+      <frame id="0">
+        <markers>
+{locations}
+        </markers>
+      </frame>
+    </frames>
+  </chunk>
+</document>
+"""
 
 
 def write_metashape_markers(
@@ -43,63 +74,58 @@ def write_metashape_markers(
     """
     check_characters(measured.images)
     check_characters(measured.points, "point")
-    rows = {name: k for k, name in enumerate(ground.points)}
-    sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
-    marks = measured.observations
     wkt = first_wkt(crs_of(crs).to_2d(), "metashape_markers")
+    accuracy_px = float(np.sqrt(np.mean(measured.observations.sigma_px**2)))
+    size = f'<resolution width="{camera.width}" height="{camera.height}"/>'
+    text = DOCUMENT.format(
+        version=MARKERS_VERSION,
+        sensor=xml_text(camera.name, quotes=True),
+        size=size,
+        focal=camera.of("f"),
+        camera_count=len(measured.images),
+        cameras="\n".join(_cameras(measured)),
+        marker_count=len(measured.points),
+        markers="\n".join(_markers(measured, ground)),
+        reference=xml_text(wkt),
+        accuracy=accuracy_px,
+        locations="\n".join(_locations(measured)),
+    )
+    atomic_write(path, text)
 
-    def lines() -> Iterator[str]:
-        yield '<?xml version="1.0" encoding="UTF-8"?>'
-        yield f'<document version="{MARKERS_VERSION}">'
-        yield '  <chunk label="targets" enabled="true">'
-        yield '    <sensors next_id="1">'
-        resolution = f'<resolution width="{camera.width}" height="{camera.height}"/>'
-        yield f'      <sensor id="0" label="{xml_text(camera.name, quotes=True)}" type="frame">'
-        yield f"        {resolution}"
-        yield '        <calibration type="frame" class="initial">'
-        yield f"          {resolution}<f>{camera.of('f'):.6f}</f>"
-        yield "        </calibration>"
-        yield "      </sensor>"
-        yield "    </sensors>"
-        yield f'    <cameras next_id="{len(measured.images)}" next_group_id="0">'
-        for k, name in enumerate(measured.images):
-            label = xml_text(PurePosixPath(name.replace("\\", "/")).stem, quotes=True)
-            yield f'      <camera id="{k}" sensor_id="0" label="{label}"/>'
-        yield "    </cameras>"
-        yield f'    <markers next_id="{len(measured.points)}" next_group_id="0">'
-        for k, name in enumerate(measured.points):
-            yield f'      <marker id="{k}" label="{xml_text(name, quotes=True)}">'
-            if (row := rows.get(name)) is not None:
-                x, y, z = ground.position_m[row].tolist()
-                sx, sy, sz = sigma[row].tolist()
-                use = "false" if ground.check[row] else "true"
-                yield (
-                    f'        <reference x="{x:.13g}" y="{y:.13g}" z="{z:.4f}" sx="{sx:.5g}"'
-                    f' sy="{sy:.5g}" sz="{sz:.5g}" enabled="{use}"/>'
-                )
-            yield "      </marker>"
-        yield "    </markers>"
-        yield f"    <reference>{xml_text(wkt)}</reference>"
-        accuracy = float(np.sqrt(np.mean(marks.sigma_px**2)))
-        yield "    <settings>"
-        yield f'      <property name="accuracy_projections" value="{accuracy:.4g}"/>'
-        yield "    </settings>"
-        yield '    <frames next_id="1">'
-        yield '      <frame id="0">'
-        yield "        <markers>"
-        for k in range(len(measured.points)):
-            yield f'          <marker marker_id="{k}">'
-            for row in np.flatnonzero(marks.point == k).tolist():
-                u, v = marks.uv[row]
-                yield (
-                    f'            <location camera_id="{marks.image[row]}" pinned="true"'
-                    f' x="{u:.4f}" y="{v:.4f}"/>'
-                )
-            yield "          </marker>"
-        yield "        </markers>"
-        yield "      </frame>"
-        yield "    </frames>"
-        yield "  </chunk>"
-        yield "</document>"
 
-    atomic_write(path, "\n".join(lines()) + "\n")
+def _cameras(measured: ImagePoints) -> Iterator[str]:
+    """Yield the lines of the images, labelled by their file names without ending."""
+    for number, name in enumerate(measured.images):
+        label = xml_text(PurePosixPath(name.replace("\\", "/")).stem, quotes=True)
+        yield f'      <camera id="{number}" sensor_id="0" label="{label}"/>'
+
+
+def _markers(measured: ImagePoints, ground: GroundTable) -> Iterator[str]:
+    """Yield the lines of the points, with coordinates and sigmas (m) of those in `ground`."""
+    rows = {name: row for row, name in enumerate(ground.points)}
+    sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
+    for number, name in enumerate(measured.points):
+        yield f'      <marker id="{number}" label="{xml_text(name, quotes=True)}">'
+        if (row := rows.get(name)) is not None:
+            x, y, z = ground.position_m[row].tolist()
+            sx, sy, sz = sigma[row].tolist()
+            use = "false" if ground.check[row] else "true"
+            yield (
+                f'        <reference x="{x:.13g}" y="{y:.13g}" z="{z:.4f}" sx="{sx:.5g}"'
+                f' sy="{sy:.5g}" sz="{sz:.5g}" enabled="{use}"/>'
+            )
+        yield "      </marker>"
+
+
+def _locations(measured: ImagePoints) -> Iterator[str]:
+    """Yield the lines of the image observations (px), marker by marker."""
+    observed = measured.observations
+    for number in range(len(measured.points)):
+        yield f'          <marker marker_id="{number}">'
+        for row in np.flatnonzero(observed.point == number).tolist():
+            u, v = observed.uv[row]
+            yield (
+                f'            <location camera_id="{observed.image[row]}" pinned="true"'
+                f' x="{u:.4f}" y="{v:.4f}"/>'
+            )
+        yield "          </marker>"

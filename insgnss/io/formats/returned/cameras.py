@@ -143,12 +143,12 @@ def _opencv_camera(
             " calibrate without them",
         )
     parameters = [*size, *map(repr, (K + (0.0, 0.0, CENTRE_SHIFT_PX, CENTRE_SHIFT_PX)).tolist())]
-    model, n = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
-    parameters += map(repr, rational[:n].tolist())
-    return _of_words(path, name, f"{model} " + " ".join(map(str, parameters)))
+    model, term_count = ("OPENCV_FISHEYE", 4) if fisheye else ("FULL_OPENCV", 8)
+    parameters += map(repr, rational[:term_count].tolist())
+    return _camera_of_words(path, name, f"{model} " + " ".join(map(str, parameters)))
 
 
-def _of_words(path: Path, name: str, text: str) -> BrownCamera:
+def _camera_of_words(path: Path, name: str, text: str) -> BrownCamera:
     """Return a camera in COLMAP's notation."""
     try:
         camera = camera_of(text, "camera")
@@ -165,6 +165,7 @@ def _numbers(path: Path, text: str, key: str) -> Array:
 
 
 def _opencv(path: Path) -> Cameras:
+    """Return the camera of a calibration file of OpenCV's FileStorage, YAML or XML."""
     text = decoded(path)
     fisheye = re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text) is not None
 
@@ -189,6 +190,7 @@ def _opencv(path: Path) -> Cameras:
 
 
 def _kalibr(path: Path) -> Cameras:
+    """Return the cameras of a camchain.yaml of Kalibr."""
     cameras = []
     for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", decoded(path)):
         matches = {
@@ -214,7 +216,9 @@ def _kalibr(path: Path) -> Cameras:
 
 def _colmap(path: Path) -> Cameras:
     rows = [row.split(maxsplit=1) for row in decoded(path).splitlines() if row.strip()]
-    return tuple(_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:])
+    return tuple(
+        _camera_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:]
+    )
 
 
 def _pix4d(path: Path) -> Cameras:

@@ -156,21 +156,23 @@ def of_other_ellipsoid(text: str, x: Array, path: Source) -> tuple[str, str, Arr
     ellipsoid: Any = crs.ellipsoid
     if abs(ellipsoid.semi_major_metre - WGS84_A) < SAME_AXIS_M:
         return None
-    size = f"+a={ellipsoid.semi_major_metre!r} +rf={ellipsoid.inverse_flattening!r}"
+    axes = f"+a={ellipsoid.semi_major_metre!r} +rf={ellipsoid.inverse_flattening!r}"
     degrees = "+step +proj=unitconvert +xy_in=rad +xy_out=deg"
-    to_degrees = Transformer.from_pipeline(f"+proj=pipeline +step +inv +proj=cart {size} {degrees}")
-    lon, lat, h = (np.asarray(v) for v in to_degrees.transform(*x.T))
+    to_degrees = Transformer.from_pipeline(f"+proj=pipeline +step +inv +proj=cart {axes} {degrees}")
+    lon, lat, height = (np.asarray(values) for values in to_degrees.transform(*x.T))
     C_Ee = rotation_em(np.radians(lat), np.radians(lon)).swapaxes(1, 2)
     if kind == GEOGRAPHIC:
-        return kind, definition, np.column_stack([np.radians(lon), np.radians(lat), h]), C_Ee
+        return kind, definition, np.column_stack([np.radians(lon), np.radians(lat), height]), C_Ee
     plan = _unbound((crs.sub_crs_list or [crs])[0])
     to_map = Transformer.from_crs(plan.geodetic_crs, plan, always_xy=True)
-    e, n = to_map.transform(lon, lat)
-    de, dn = (a - b for a, b in zip(to_map.transform(lon, lat + STEP_DEG), (e, n), strict=True))
-    angle, zero = np.arctan2(-de, dn), np.zeros((len(x), 2))
+    east, north = to_map.transform(lon, lat)
+    east_step, north_step = (
+        a - b for a, b in zip(to_map.transform(lon, lat + STEP_DEG), (east, north), strict=True)
+    )
+    angle, zero = np.arctan2(-east_step, north_step), np.zeros((len(x), 2))
     C_fE = rotation_from_opk(np.column_stack([zero, angle]))
     unit_m = plan.axis_info[0].unit_conversion_factor
-    return kind, definition, np.column_stack([e, n, h / unit_m]), C_fE @ C_Ee
+    return kind, definition, np.column_stack([east, north, height / unit_m]), C_fE @ C_Ee
 
 
 def kind_of_definition(text: str, path: Source) -> tuple[str, str, tuple[float, ...]]:

@@ -22,12 +22,7 @@ import numpy as np
 from ....base.errors import InputError
 from ....base.received.nesting import parse_json
 from ....geodesy.frames import TangentPlane
-from ....geodesy.rotation import (
-    CV_RUB,
-    rotation_from_opk,
-    rotation_from_vector,
-    rotation_from_ypr,
-)
+from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_vector, rotation_from_ypr
 from ....records.framed import TANGENT
 from ..text.numbers import vector_of
 from ..text.text import Source, decoded

@@ -71,23 +71,25 @@ def read_inpho_cameras(path: Source, direction: str | None = None) -> tuple[Brow
 def _definitions(path: Source) -> dict[str, dict[str, str]]:
     """Return the fields of each camera that the project defines, by its name."""
     cameras: dict[str, dict[str, str]] = {}
-    head = r"(?ms)^([ \t]*)\$CAMERA(?:_DEFINITION)?[ \t]*$"
-    for _, body in re.findall(head + r"(.*?)^\1\$END[ \t]*$", decoded(path)):
-        lines: dict[str, str] = dict(FIELD.findall(body))
+    opening = r"(?ms)^([ \t]*)\$CAMERA(?:_DEFINITION)?[ \t]*$"
+    for _, body in re.findall(opening + r"(.*?)^\1\$END[ \t]*$", decoded(path)):
+        fields: dict[str, str] = dict(FIELD.findall(body))
         # of a calibration set the $ID stands behind that of its camera
-        first = re.search(r"\$(?:TYPE|ID)[ \t]*:[ \t]*(\S.*)", body)
-        name = first[1].strip() if first else f"camera {len(cameras) + 1}"
-        common, *sets = body.split("$CALIBRATION_SET")
-        if len(sets) > 1:
-            active = re.search(r"\$ACTIVE_CALIBRATION[ \t]*:[ \t]*(\S+)", common)
+        type_or_id = re.search(r"\$(?:TYPE|ID)[ \t]*:[ \t]*(\S.*)", body)
+        name = type_or_id[1].strip() if type_or_id else f"camera {len(cameras) + 1}"
+        common_text, *calibration_sets = body.split("$CALIBRATION_SET")
+        if len(calibration_sets) > 1:
+            active = re.search(r"\$ACTIVE_CALIBRATION[ \t]*:[ \t]*(\S+)", common_text)
             number = r"\$ID[ \t]*:[ \t]*" + re.escape(active[1] if active else "") + r"[ \t]*$"
-            chosen = [text for text in sets if re.search(number, text, re.MULTILINE)]
+            chosen = [text for text in calibration_sets if re.search(number, text, re.MULTILINE)]
             if len(chosen) != 1:
-                problem = f"camera {shown(name)}: {len(sets)} calibration sets, of which"
+                problem = (
+                    f"camera {shown(name)}: {len(calibration_sets)} calibration sets, of which"
+                )
                 problem += f" {len(chosen)} have the number of $ACTIVE_CALIBRATION"
                 raise InputError.in_file(path, f"{problem}; keep the active one alone")
-            lines = dict(FIELD.findall(common + chosen[0]))
-        cameras[name] = lines
+            fields = dict(FIELD.findall(common_text + chosen[0]))
+        cameras[name] = fields
     return cameras
 
 
@@ -118,33 +120,51 @@ def _camera(
     name: str, fields: Mapping[str, str], path: Source, direction: str | None
 ) -> BrownCamera:
     """Return a camera; InputError where its distortion is not held."""
-    U, turn = _axes(fields, path)
+    pixels_of_mm, rotation = _axes(fields, path)
     focal = float(_values(fields, "FOCAL_LENGTH", path, 1)[0])
     ppa = _values({"PRINCIPAL_POINT_PPA": "0 0", **fields}, "PRINCIPAL_POINT_PPA", path, 2)[:2]
-    last = _values(fields, "CCD_INTERIOR_ORIENTATION", path, 6)[2:6:3]
-    cx, cy = U @ turn[:2, :2] @ ppa + last + FROM_CENTRE_PX
+    centre_px = _values(fields, "CCD_INTERIOR_ORIENTATION", path, 6)[2:6:3]
+    cx, cy = pixels_of_mm @ rotation[:2, :2] @ ppa + centre_px + FROM_CENTRE_PX
     width, height = (whole(fields.get(key, "").strip()) for key in ("CCD_COLUMNS", "CCD_ROWS"))
-    K, P = (_values(fields, key, path, 0) for key in ("RADIAL_COEFFS", "DECENTRE_COEFFS"))
-    if any(K[RADIAL_TERMS:]) or any(P[DECENTRING_TERMS:]):
+    radial, decentring = (
+        _values(fields, key, path, 0) for key in ("RADIAL_COEFFS", "DECENTRE_COEFFS")
+    )
+    if any(radial[RADIAL_TERMS:]) or any(decentring[DECENTRING_TERMS:]):
         problem = f"distortion terms beyond K{RADIAL_TERMS - 1} and P{DECENTRING_TERMS}"
         problem = f"camera {shown(name)}: {problem} have no place here; calibrate it without them"
         raise InputError.in_file(path, problem)
-    K = np.pad(K[:RADIAL_TERMS], (0, max(0, RADIAL_TERMS - K.size)))
-    P = np.pad(P[:DECENTRING_TERMS], (0, max(0, DECENTRING_TERMS - P.size)))
-    if direction is None and (K.any() or P.any()):
-        corner = 0.5 * np.hypot(width, height) / U[1, 1]
-        raise InputError.in_file(path, _undecided(name, K, P, corner, float(U[1, 1])))
+    radial = np.pad(radial[:RADIAL_TERMS], (0, max(0, RADIAL_TERMS - radial.size)))
+    decentring = np.pad(
+        decentring[:DECENTRING_TERMS], (0, max(0, DECENTRING_TERMS - decentring.size))
+    )
+    if direction is None and (radial.any() or decentring.any()):
+        corner = 0.5 * np.hypot(width, height) / pixels_of_mm[1, 1]
+        raise InputError.in_file(
+            path, _undecided(name, radial, decentring, corner, float(pixels_of_mm[1, 1]))
+        )
     order = slice(None, None, -1 if (direction or "").endswith(EXCHANGED) else 1)
-    scale, p = 1.0 + K[0], turn[:2, :2] @ P[order]
-    f, k = U[1, 1] * focal, K[1:]
+    scale, p = 1.0 + radial[0], rotation[:2, :2] @ decentring[order]
+    f, k = pixels_of_mm[1, 1] * focal, radial[1:]
     if (direction or "").startswith(RADIAL_MODELS[1]):
-        values = [f / scale, cx, cy, U[1, 1] / U[0, 0] - 1.0, -U[0, 1] / U[0, 0]]
+        values = [
+            f / scale,
+            cx,
+            cy,
+            pixels_of_mm[1, 1] / pixels_of_mm[0, 0] - 1.0,
+            -pixels_of_mm[0, 1] / pixels_of_mm[0, 0],
+        ]
         interior = np.array([*values, *(k / scale), *(p / scale)])
-        return BrownCamera(name, width, height, interior, backward=True, unit_px=float(U[1, 1]))
+        return BrownCamera(
+            name, width, height, interior, backward=True, unit_px=float(pixels_of_mm[1, 1])
+        )
     # of lengths in the focal length
     k, p = k * focal ** (2.0 * np.arange(1, RADIAL_TERMS)) / scale, p * focal / scale
-    f, across, skew = scale * f, scale * focal * U[0, 0], scale * focal * U[0, 1]
-    return BrownCamera(name, width, height, np.array([f, cx, cy, across - f, skew, *k, *p]))
+    f, focal_x, skew = (
+        scale * f,
+        scale * focal * pixels_of_mm[0, 0],
+        scale * focal * pixels_of_mm[0, 1],
+    )
+    return BrownCamera(name, width, height, np.array([f, cx, cy, focal_x - f, skew, *k, *p]))
 
 
 def _undecided(name: str, K: Array, P: Array, corner: float, px: float) -> str:
@@ -215,7 +235,7 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
                 names.append(file)
                 rows.append(values[0][1:])
                 matrices.append(values[1:])
-                turned.append(_turn(sensors, photo.get("$CAMERA_ID", (start, "")), path))
+                turned.append(_axes_rotation(sensors, photo.get("$CAMERA_ID", (start, "")), path))
             photo = None
     images = image_names(names, path)
     R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
@@ -227,7 +247,7 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
     return ReturnedPoses(images, np.array(rows), C, kind, crs, notes=notes)
 
 
-def _turn(sensors: Mapping[str, Array], named: tuple[int, str], path: Source) -> Array:
+def _axes_rotation(sensors: Mapping[str, Array], named: tuple[int, str], path: Source) -> Array:
     """Return the rotation (3, 3) of a photograph's axes (right, up, back) to those of its camera.
 
     Without a definition of any camera the pixels are taken to lie along them.

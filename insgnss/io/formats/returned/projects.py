@@ -28,6 +28,7 @@ from ..text.xml import read_xml, text_of
 from .crs import kind_of_definition, of_other_ellipsoid
 from .poses import UNPOSED, Array, ReturnedPoses, checked_rotations, image_names, numbers
 
+POSE_FIELDS = 10  # of a line of COLMAP's images.txt: id, qw qx qy qz, tx ty tz, camera, name
 BENTLEY_DIRECTIONS = {
     "RIGHT": (1.0, 0.0, 0.0),
     "LEFT": (-1.0, 0.0, 0.0),
@@ -258,10 +259,10 @@ def read_colmap(path: Source) -> ReturnedPoses:
                     raise InputError.at_line(file, line, problem)
             continue
         if poses_next:
-            fields = text.split(maxsplit=9)
+            fields = text.split(maxsplit=POSE_FIELDS - 1)
             if not fields:
                 continue
-            check_fields(file, line, fields, 10, text)
+            check_fields(file, line, fields, POSE_FIELDS, text)
             named.append(fields[9].strip())
             rows.append(numbers(fields[1:8], file, line))
         poses_next = not poses_next

@@ -75,14 +75,14 @@ def returned_form(path: Source, head: str) -> str:
         return "" if reconstruction_in(path) is None else "opensfm"
     if path.suffix.lower() in (".psx", ".psz"):
         return "metashape_xml"
-    for form, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", PIX4D_CAMERA)):
+    for format_name, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", PIX4D_CAMERA)):
         if path.name.endswith(f"{ending}.txt"):
-            return form
+            return format_name
     text = head.lower()
-    for form, pattern in PROJECT_HEADS.items():
-        flags = re.MULTILINE | (re.DOTALL if form in ("opensfm", "odm_shots") else 0)
+    for format_name, pattern in PROJECT_HEADS.items():
+        flags = re.MULTILINE | (re.DOTALL if format_name in ("opensfm", "odm_shots") else 0)
         if re.search(pattern, text, flags):
-            return form
+            return format_name
     # after the others, since Metashape's text is called cameras.txt as well
     return "colmap" if re.fullmatch(rf"({'|'.join(PARTS)})\.(txt|bin)", path.name) else ""
 

@@ -84,10 +84,10 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
             )
         names.append(fields[0])
         rows.append(values[:6])
-    return _of_angles(path, names, np.reshape(rows, (-1, 6)))
+    return _poses_of_angles(path, names, np.reshape(rows, (-1, 6)))
 
 
-def _of_angles(
+def _poses_of_angles(
     path: Source,
     names: Sequence[str],
     table: Array,
@@ -132,61 +132,38 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         No header or no coordinates, with file and line; a CRS that is unknown.
     """
     lines = lines_of(decoded(path))
-    named = COORDINATE_SYSTEM.match(lines[0]) if lines else None
-    wkt = "" if named is None else named[1].strip()
-    head = next((k for k, text in enumerate(lines) if re.match(r"#?\s*label\b", text, re.I)), None)
-    if head is None:
-        raise InputError.in_file(path, "has no header #Label; export the reference again")
-    delimiter = next((sign for sign in "\t,;" if sign in lines[head]), None)
-    fields = [name.strip().lower().lstrip("# ") for name in split_fields(lines[head], delimiter)]
-    fields = [REFERENCE_NAMES.get(n := re.split("[/(]", name)[0].strip(), n) for name in fields]
-    code = EPSG.search(lines[head]) if not wkt else None
-    wkt = code[0] if code else wkt
+    wkt, header_row, fields, delimiter = _reference_header(path, lines)
     base = {name.removesuffix("_est") for name in fields}
     angles = next((name for name in ("yaw", "omega") if name in base), "")
+    header_line = header_row + 1
     if "x" not in base:
-        raise InputError.at_line(path, head + 1, "the header names no X, Y, Z; export it again")
-    body = [
+        raise InputError.at_line(path, header_line, "the header names no X, Y, Z; export it again")
+    table_rows = [
         (line, [word.strip().strip('"') for word in split_fields(text, delimiter)])
-        for line, text in enumerate(lines[head + 1 :], start=head + 2)
+        for line, text in enumerate(lines[header_line:], start=header_line + 1)
         if text.strip() and not text.startswith("#")
     ]
     # Potree's orientedimages.txt keeps the header and has the first columns alone
     estimated = {"x_est", f"{angles}_est"} <= set(fields) and any(
-        fields.index("x_est") < len(cells) and cells[fields.index("x_est")] for _, cells in body
+        fields.index("x_est") < len(cells) and cells[fields.index("x_est")]
+        for _, cells in table_rows
     )
-    wanted = [
-        f"{name}_est" if estimated else name
-        for group in ("x", angles)
-        for name in FIRST.get(group, ())
-    ]
+    pose_names = [name for group in ("x", angles) for name in FIRST.get(group, ())]
     accuracies = [] if estimated else [name for name in ACCURACIES if name in fields]
-    wanted += accuracies
-    if missing := [name for name in wanted if name not in fields]:
+    column_names = [f"{name}_est" if estimated else name for name in pose_names] + accuracies
+    if missing := [name for name in column_names if name not in fields]:
         raise InputError.at_line(
-            path, head + 1, f"the header has no {missing[0]}; export the table with it"
+            path, header_line, f"the header has no {missing[0]}; export the table with it"
         )
-    columns = [fields.index(name) for name in wanted]
-    names, rows, left_out = [], [], 0
-    for line, cells in body:
-        if len(cells) > len(fields):
-            line_text = shown(" ".join(cells))
-            problem = f"{len(cells)} fields, the header has {len(fields)}: {line_text}"
-            raise InputError.at_line(path, line, problem)
-        pose = [cells[k] if k < len(cells) else "" for k in columns]
-        if not any(pose[:3]) or (angles and not any(pose[3:6])):
-            left_out += 1
-            continue
-        names.append(cells[fields.index("label")])
-        rows.append(numbers(pose, path, line))
+    names, table = _reference_rows(path, table_rows, fields, column_names, len(pose_names))
     kind, crs = kind_of_wkt(wkt, path)
-    table = np.reshape(rows, (-1, len(wanted)))
     cov = None
     if len(accuracies) == len(ACCURACIES):
         cov = table[:, -3:, None] ** 2 * np.eye(3)
     if kind == GEOGRAPHIC:
         table[:, :2] = np.radians(table[:, :2])
     values = "estimated" if estimated else "reference values, not estimated ones:"
+    left_out = len(table_rows) - len(names)
     notes = (f"{left_out} images without {values} pose are left out",) if left_out else ()
     if not estimated:
         notes = ("the file has reference values, none that the adjustment estimated", *notes)
@@ -194,8 +171,45 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         images = image_names(names, path)
         return ReturnedPoses(images, table[:, :3], None, kind, crs, notes=notes, cov_position=cov)
     angle_set = "opk" if angles == "omega" else "ypr"
-    poses = _of_angles(path, names, table[:, :6], kind, crs, notes, angle_set)
+    poses = _poses_of_angles(path, names, table[:, :6], kind, crs, notes, angle_set)
     return replace(poses, cov_position=cov)
+
+
+def _reference_header(path: Source, lines: Sequence[str]) -> tuple[str, int, list[str], str | None]:
+    """Return the CRS, the row of the header #Label, its names in lower case and the delimiter."""
+    stated_crs = COORDINATE_SYSTEM.match(lines[0]) if lines else None
+    wkt = "" if stated_crs is None else stated_crs[1].strip()
+    row = next((k for k, text in enumerate(lines) if re.match(r"#?\s*label\b", text, re.I)), None)
+    if row is None:
+        raise InputError.in_file(path, "has no header #Label; export the reference again")
+    delimiter = next((sign for sign in "\t,;" if sign in lines[row]), None)
+    names = [name.strip().lower().lstrip("# ") for name in split_fields(lines[row], delimiter)]
+    without_units = [re.split("[/(]", name)[0].strip() for name in names]
+    code = EPSG.search(lines[row]) if not wkt else None
+    fields = [REFERENCE_NAMES.get(name, name) for name in without_units]
+    return code[0] if code else wkt, row, fields, delimiter
+
+
+def _reference_rows(
+    path: Source,
+    table_rows: Sequence[tuple[int, list[str]]],
+    fields: Sequence[str],
+    column_names: Sequence[str],
+    pose_size: int,
+) -> tuple[list[str], Array]:
+    """Return names and numbers (n, columns) of the rows that have all of `pose_size` numbers."""
+    columns = [fields.index(name) for name in column_names]
+    names, rows = [], []
+    for line, cells in table_rows:
+        if len(cells) > len(fields):
+            line_text = shown(" ".join(cells))
+            problem = f"{len(cells)} fields, the header has {len(fields)}: {line_text}"
+            raise InputError.at_line(path, line, problem)
+        pose = [cells[k] if k < len(cells) else "" for k in columns]
+        if all(any(pose[k : k + 3]) for k in range(0, pose_size, 3)):
+            names.append(cells[fields.index("label")])
+            rows.append(numbers(pose, path, line))
+    return names, np.reshape(rows, (-1, len(columns)))
 
 
 def read_pix4d_external(path: Source) -> ReturnedPoses:
@@ -217,9 +231,9 @@ def read_pix4d_external(path: Source) -> ReturnedPoses:
         A line of another length, with file and line; a damaged file beside it.
     """
     names, table = _name_xyz_opk(path, "imagename", OPK_COLUMNS)
-    offset, kind, crs, notes = _beside_pix4d(path, EXTERNAL, table[:, :3])
+    offset, kind, crs, notes = _pix4d_offset_and_crs(path, EXTERNAL, table[:, :3])
     table[:, :3] += offset
-    return _of_angles(path, names, table, kind, crs, notes)
+    return _poses_of_angles(path, names, table, kind, crs, notes)
 
 
 def read_ign_opk(path: Source) -> ReturnedPoses:
@@ -252,7 +266,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
                     path, line, f"angles in {shown(unit.strip())}; grades, degres, radians are read"
                 )
             table[:, 3:] *= factor
-    return _of_angles(path, names, table)
+    return _poses_of_angles(path, names, table)
 
 
 def _name_xyz_opk(
@@ -298,11 +312,17 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
         A file that ends within an image, or a matrix that is no rotation, with file and line.
     """
     lines = lines_of(decoded(path))
-    start = 1 + next((k for k, text in enumerate(lines) if text.startswith("camera model")), -1)
-    rows = [(k + 1, text.split()) for k, text in enumerate(lines) if k >= start and text.strip()]
+    first_line = 1 + next(
+        (index for index, text in enumerate(lines) if text.startswith("camera model")), -1
+    )
+    rows = [
+        (index + 1, text.split())
+        for index, text in enumerate(lines)
+        if index >= first_line and text.strip()
+    ]
     names, centre, matrices = [], [], []
-    for first in range(0, len(rows), PIX4D_LINES):
-        section = rows[first : first + PIX4D_LINES]
+    for first_row in range(0, len(rows), PIX4D_LINES):
+        section = rows[first_row : first_row + PIX4D_LINES]
         if len(section) < PIX4D_LINES or len(section[0][1]) < 3:
             line, fields = section[-1] if len(section) < PIX4D_LINES else section[0]
             problem = (
@@ -311,7 +331,7 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
             raise InputError.at_line(path, line, problem)
         names.append(" ".join(section[0][1][:-2]))
         values = [numbers(fields, path, line) for line, fields in section[6:]]
-        if [len(v) for v in values] != [3, 3, 3, 3]:
+        if [len(triple) for triple in values] != [3, 3, 3, 3]:
             raise InputError.at_line(
                 path, section[6][0], "position and rotation are not 4 x 3; copy it again"
             )
@@ -320,11 +340,11 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
     images = image_names(names, path)
     R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
     position = np.reshape(centre, (-1, 3))
-    offset, kind, crs, notes = _beside_pix4d(path, PIX4D_CAMERA, position)
+    offset, kind, crs, notes = _pix4d_offset_and_crs(path, PIX4D_CAMERA, position)
     return ReturnedPoses(images, position + offset, R.swapaxes(1, 2), kind, crs, notes=notes)
 
 
-def _beside_pix4d(
+def _pix4d_offset_and_crs(
     path: Source, ending: str, position: Array
 ) -> tuple[Array, str, str, tuple[str, ...]]:
     """Return offset (3,), kind and CRS of the files beside one of Pix4D, and what is missing."""
@@ -387,7 +407,7 @@ def read_odm_geo(path: Source) -> ReturnedPoses:
             sigma.append([plan, plan, height])
     full = len(sigma) == len(names) > 0
     cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3) if full else None
-    return _of_positions(path, names, np.reshape(position, (-1, 3)), crs, cov)
+    return _poses_of_positions(path, names, np.reshape(position, (-1, 3)), crs, cov)
 
 
 def read_named_positions(path: Source) -> ReturnedPoses:
@@ -412,12 +432,16 @@ def read_named_positions(path: Source) -> ReturnedPoses:
     head = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
     code = EPSG.search("".join(line for line in lines_of(head) if line.startswith("#")))
     if not table.geodetic:
-        return _of_positions(path, table.names, table.position, code[0] if code else "", table.cov)
+        return _poses_of_positions(
+            path, table.names, table.position, code[0] if code else "", table.cov
+        )
     degrees = np.column_stack([np.degrees(table.position[:, [1, 0]]), table.position[:, 2]])
-    return _of_positions(path, table.names, degrees, code[0] if code else "EPSG:4979", table.cov)
+    return _poses_of_positions(
+        path, table.names, degrees, code[0] if code else "EPSG:4979", table.cov
+    )
 
 
-def _of_positions(
+def _poses_of_positions(
     path: Source, names: Sequence[str], x: Array, crs: str, cov: Array | None
 ) -> ReturnedPoses:
     """Return positions (n, 3) of images in a CRS, in its unit or in degrees."""
