@@ -192,13 +192,19 @@ def one_axis(sensor: str, row: int, column: int, rad: float) -> Plant:
     return plant
 
 
+def of_antenna(scene: Scene, time: np.ndarray) -> np.ndarray:
+    """The velocity of the antenna, north east down, (n, 3)."""
+    true = scene.truth.at(time)
+    arm = np.einsum("kij,j->ki", true.C_nb, scene.mounting.antenna_lever_b)
+    return true.velocity_ned + np.gradient(arm, time, axis=0)
+
+
 def tracked(natural_hz: float) -> Plant:
     """A receiver's loop follows the antenna behind by its acceleration over (2 pi Hz)^2."""
 
     def plant(scene: Scene, draw: Draw) -> Scene:
-        true = scene.truth.at(scene.gnss.time)
-        wn, dt = 2.0 * np.pi * natural_hz, float(np.median(np.diff(scene.gnss.time)))
-        behind = -np.gradient(true.velocity_ned, dt, axis=0) / wn**2
+        wn, time = 2.0 * np.pi * natural_hz, scene.gnss.time
+        behind = -np.gradient(of_antenna(scene, time), time, axis=0) / wn**2
         return moved(lambda since, _: behind)(scene, draw)
 
     return plant
@@ -217,7 +223,7 @@ def smoothed(natural_hz: float, damping: float = 0.7, follows_velocity: bool = T
         first, last = scene.truth.time[[0, -1]]
         fixes = scene.gnss.time
         time = np.arange(max(fixes[0] - 10.0, first), min(fixes[-1] + lag, last), dt)
-        v = scene.truth.at(time).velocity_ned
+        v = of_antenna(scene, time)
         e, rate, behind = np.zeros(3), np.zeros(3), np.zeros_like(v)
         for k in range(1, time.size):  # e'' = a - 2 d w e' - w^2 e; of a low pass a + 2 d w v
             a = (v[k] - v[k - 1]) / dt
@@ -244,7 +250,7 @@ def of_path(error: Callable[[Callable[[np.ndarray], np.ndarray], np.ndarray], np
     def plant(scene: Scene, draw: Draw) -> Scene:
         first, last = scene.truth.time[[0, -1]]
         time = np.arange(first, last, 5e-3)
-        way = np.cumsum(scene.truth.at(time).velocity_ned, axis=0) * 5e-3
+        way = np.cumsum(of_antenna(scene, time), axis=0) * 5e-3
 
         def path(at: np.ndarray) -> np.ndarray:
             return np.stack([np.interp(at, time, column) for column in way.T], axis=1)

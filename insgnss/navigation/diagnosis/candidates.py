@@ -192,7 +192,8 @@ def with_time_correlated_error(
     errors : FixErrors
         The errors of the fixes that are estimated already.
     k, c : float
-        The white and the time-correlated share, in standard deviations of each fix.
+        The white share, of the white error that is estimated already, and the time-correlated one,
+        in standard deviations of each fix.
     time_s : float
         The correlation time, s.
     height_ratio : float
@@ -203,11 +204,12 @@ def with_time_correlated_error(
     FixErrors
         The same errors with the time-correlated one among them.
     """
+    north, east, down = errors.white_scale
     return replace(
         errors,
         gm_sigma=(c, c, c * height_ratio),
         correlation_time_s=time_s,
-        white_scale=(k, k, k * height_ratio),
+        white_scale=(k * north, k * east, k * height_ratio * down),
         unfixed_white_scale=min(k, errors.unfixed_white_scale),
     )
 

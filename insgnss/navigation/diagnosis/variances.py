@@ -61,7 +61,7 @@ from .candidates import (
     with_time_correlated_error,
 )
 from .evidence import NO_CLAIMS, FixClaims, liveliest_part
-from .time_correlated import LONGEST_WINDOW_S, beyond_claim
+from .time_correlated import LEAST_WHITE, LONGEST_WINDOW_S, beyond_claim
 
 BIAS_NOISE = "IMU bias noise"
 POSITION_SIGMAS = "fixes.position"  # the parameter that has a prior
@@ -79,8 +79,9 @@ MOST_FIXES_JUDGED = 3000  # of the part that is looked at: five minutes at 10 Hz
 LEAST_AVERAGED = 2.5
 LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
 SLOW_FIRST = (0.5, 60.0)  # share and correlation time (s) that are looked at first
-# a-priori probabilities of the share, in sigmas: beside 1 to 2 cm of noise carrier-phase multipath
-# has some 5 mm, rarely as much as the noise
+NO_STEP = 0.02  # log of the white factor, up to which (V.1) is exact to 0.2 for 3000 fixes
+# a-priori probabilities of the share of the white error: beside 1 to 2 cm of noise carrier-phase
+# multipath has some 5 mm, rarely as much as the noise
 SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
 # those of its correlation time, s: of RTK over short baselines about 115 s at rest (Miller, O'Keefe
 # and Gao 2012), less in motion, which changes the reflections; 800 to 1000 s of a network's
@@ -172,10 +173,7 @@ class VarianceSearch:
 
     def promising(self) -> tuple[str, ...]:
         """Return the families that promise more than `LEAST_PROMISE` (V.1)."""
-        g, A = self.nothing.gradient, self.nothing.information
-        return tuple(
-            family for family in self.families if _promise(g, A, self._free(family)) > LEAST_PROMISE
-        )
+        return tuple(one for one in self.families if self.left((one,)) > LEAST_PROMISE)
 
     def left(self, families: Sequence[str] = tuple(FAMILIES)) -> float:
         """Return the largest gain that some families still promise (V.1).
@@ -272,8 +270,8 @@ class VarianceSearch:
     def slow_error(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors | None:
         """Find an error of the fixes that is too slow, or too small, for the search of its shares.
 
-        It stands beside their white error; what is carried is the average (V.3) over a grid and no
-        such error at all, by the likelihood of the part.
+        It stands beside their white error at its best size: a claim a tenth off would hide it. What
+        is carried is the average (V.3) over a grid and none at all, by the likelihood of the part.
 
         Parameters
         ----------
@@ -288,19 +286,34 @@ class VarianceSearch:
             `errors` with the time-correlated one; None where the flight speaks against it, by a
             gain of less than `LEAST_AVERAGED`.
         """
+        k, without = self._white_share(layout_factory, errors)
+        noise = k * errors.white_scale[0]  # which the shares are of, whatever the fixes claim
 
         def gains(time_s: float, shares: Sequence[float]) -> dict[tuple[float, float], float]:
-            layout = layout_factory(with_time_correlated_error(errors, 1.0, 1.0, time_s))
-            segment = _linearised(self.part, layout, (CORRELATED,))  # once for all shares
-            costs = {c: evaluate([segment], np.log([c]), np.zeros(1, bool)).cost for c in shares}
-            return {(c, time_s): self.nothing.cost - costs[c] for c in shares}
+            layout = layout_factory(with_time_correlated_error(errors, k, noise, time_s))
+            segment = _linearised(self.part, layout, (CORRELATED, POSITION_SIGMAS))  # for all
+            costs = {c: _least_cost(segment, np.array([np.log(c), 0.0])) for c in shares}
+            return {(c, time_s): without - costs[c] for c in shares}
 
         time = self.part.problem.epochs.time
         (share, time_s), least = SLOW_FIRST, LEAST_AVERAGED
         if time[-1] - time[0] < LEAST_SPAN * time_s or gains(time_s, (share,))[SLOW_FIRST] < least:
             return None
         every = {key: gain for T in SLOW_S for key, gain in gains(T, tuple(SHARES)).items()}
-        return with_time_correlated_error(errors, 1.0, *_averaged(every, SHARES, SLOW_S))
+        share, time_s = _averaged(every, SHARES, SLOW_S)
+        return with_time_correlated_error(errors, k, share * noise, time_s)
+
+    def _white_share(self, layout_factory: LayoutFactory, errors: FixErrors) -> tuple[float, float]:
+        """Return the factor of the fixes' white error without a slow one, and -2 log L with it."""
+        at = self.names.index(POSITION_SIGMAS)
+        g, A = self.nothing.gradient[at], self.nothing.information[at, at]
+        step = -float(g / A)
+        if abs(step) < NO_STEP:
+            return 1.0, self.nothing.cost - 0.5 * float(g**2 / A)
+        k = float(np.sqrt(max(LEAST_WHITE**2, 1.0 + 2.0 * step)))  # a variance is found at once
+        layout = layout_factory(with_larger_white_share(errors, k))
+        segment = _linearised(self.part, layout, (POSITION_SIGMAS,))
+        return k, _least_cost(segment, np.zeros(1))
 
     def averaged(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors:
         """Average a time-correlated error over the correlation times of the same c^2 / T (V.3).
@@ -433,6 +446,12 @@ def _linearised(
             x[:, s] = solution.x[:, states.index(state)]
     other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
     return linear_segment(other, names)
+
+
+def _least_cost(segment: LinearSegment, theta: Array) -> float:
+    """Return -2 log L at the best of the last parameter, by a step of the scoring."""
+    found = evaluate([segment], theta, np.arange(theta.size) == theta.size - 1)
+    return found.cost - 0.5 * float(found.gradient[-1] ** 2 / found.information[-1, -1])
 
 
 def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:

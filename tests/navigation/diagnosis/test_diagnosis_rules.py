@@ -289,13 +289,15 @@ def test_when_a_slow_error_is_carried(monkeypatch, gain) -> None:
             cost=cost[
                 round(layouts[0].gm_sigma[0] * float(np.exp(theta[0])), 9),
                 layouts[0].correlation_time_s,
-            ]
+            ],
+            gradient=np.zeros(2),
+            information=np.eye(2),
         ),
     )
 
     def found(seconds):
         search = VarianceSearch.__new__(VarianceSearch)
-        search.nothing = SimpleNamespace(cost=100.0)
+        search._white_share = lambda *_: (1.0, 100.0)
         epochs = SimpleNamespace(time=np.array([0.0, seconds]))
         search.part = SimpleNamespace(problem=SimpleNamespace(epochs=epochs))
         return search.slow_error(lambda errors: errors, FixErrors())

@@ -195,12 +195,12 @@ def test_positions_and_velocities_get_their_own_factor(position, velocity, adopt
 def slow_error(monkeypatch, gain):
     """What is made of a flight of five minutes whose slow errors have such gains in -2 log L."""
     part = SimpleNamespace(problem=SimpleNamespace(epochs=SimpleNamespace(time=np.r_[0.0, 300.0])))
-    looked = SimpleNamespace(part=part, nothing=SimpleNamespace(cost=1000.0))
+    looked = SimpleNamespace(part=part, _white_share=lambda *_: (1.0, 1000.0))
 
     def evaluated(segments, theta, _):
         (errors,) = segments
         own = gain(errors.gm_sigma[0] * np.exp(theta[0]), errors.correlation_time_s)
-        return SimpleNamespace(cost=1000.0 - own)
+        return SimpleNamespace(cost=1000.0 - own, gradient=np.zeros(2), information=np.eye(2))
 
     monkeypatch.setattr(variances, "_linearised", lambda _, errors, names: errors)
     monkeypatch.setattr(variances, "evaluate", evaluated)
@@ -228,6 +228,50 @@ def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
     assert shown is not None
     assert shown.gm_sigma == pytest.approx((1.0,) * 3)
     assert shown.correlation_time_s == pytest.approx(1.0 / sum(p / T for T, p in SLOW_S.items()))
+
+
+def drifting(claim: float, wander: float) -> VarianceSearch:
+    """Fixes that claim so many times their white sigma, with a slow error of 40 s beside it."""
+    flown = fly(240.0, seed=47, imu_hz=100.0, noise=NAVCHIP, layout=state_layout(NAVCHIP))
+    ep = flown.problem.epochs
+    sigma = np.sqrt(np.diagonal(ep.position_cov, axis1=1, axis2=2))
+    phi = np.exp(-np.diff(ep.time, prepend=ep.time[0]) / 40.0)
+    white = np.random.default_rng(5).standard_normal(sigma.shape)
+    slow = np.zeros_like(sigma)
+    for k in range(1, phi.size):
+        slow[k] = phi[k] * slow[k - 1] + np.sqrt(1.0 - phi[k] ** 2) * white[k]
+    position = ep.position + wander * sigma * slow
+    claimed = {"position_cov": claim**2 * ep.position_cov, "sigma": claim * ep.sigma}
+    epochs = ep._replace(position=position, **claimed)
+    problem = replace(flown.problem, epochs=epochs)
+    start = start_near(replace(flown, problem=problem), SIGMA)
+    return search(solve(problem, start, separations=0))
+
+
+@pytest.mark.parametrize("claim", [0.8, 1.2])
+def test_a_claim_that_is_off_hides_no_slow_error(claim):
+    """Oracle: the same fixes with the right claim: the slow error is the same in metres, and the
+    white one the true one. Without a slow error none is found.
+    """
+
+    def found(of_claim, wander):
+        looked = drifting(of_claim, wander)
+        return looked.slow_error(lambda errors: state_layout(NAVCHIP, fixes=errors), FixErrors())
+
+    right, other = found(1.0, 0.7), found(claim, 0.7)
+    assert right is not None
+    assert other is not None
+    assert claim * other.gm_sigma[0] == pytest.approx(right.gm_sigma[0], rel=0.01)
+    assert claim * other.white_scale[0] == pytest.approx(1.0, abs=0.01)
+    assert found(claim, 0.0) is None
+
+
+def test_a_slow_error_stands_beside_the_white_one_that_is_known():
+    """Oracle: by hand."""
+    known = FixErrors(white_scale=(1.2, 1.2, 1.5))
+    both = with_time_correlated_error(known, 0.5, 0.8, 30.0, 2.0)
+    assert both.white_scale == pytest.approx((0.6, 0.6, 1.5))
+    assert both.gm_sigma == pytest.approx((0.8, 0.8, 1.6))
 
 
 @pytest.mark.parametrize(("k", "c"), [(0.9, 200.0**0.5), (0.5, 0.8)])
