@@ -107,8 +107,8 @@ def judged(
         beyond += repeating(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
     trials_made = trials(solved, _excess(figures), progress, everything=contradicted)
-    if contradicted and (apart := two_surveys(solved)) is not None:
-        trials_made = (apart, *(replace(t, explains=False, gain=0.0) for t in trials_made))
+    if contradicted and (surveys := two_surveys(solved)) is not None:
+        trials_made = (surveys, *(replace(t, explains=False, gain=0.0) for t in trials_made))
     if contradicted:
         shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
         of_checks = shift_of_check_points(solved)

@@ -71,10 +71,11 @@ def two_surveys(whole: AdjustedBlock) -> Trial | None:
         return None
     subset, shift, sigma, gain = split
     names = [block.points[p] for p in every.point[checks.rows]]
-    apart = [name for name, inside in zip(names, subset, strict=True) if inside]
+    shifted = [name for name, inside in zip(names, subset, strict=True) if inside]
     vertical = abs(shift[2]) > 3.0 * np.linalg.norm(shift[:2])
     return Trial(
-        f"shift of {len(apart)} of {len(names)} ground points ({some(apart)}) against the others",
+        f"shift of {len(shifted)} of {len(names)} ground points ({some(shifted)}) against the"
+        " others",
         gain,
         shift,
         sigma,
@@ -152,12 +153,14 @@ def best_split(d: Array, C: Array) -> tuple[Array, Array, Array, float] | None:
             H = np.hstack([every, every * np.repeat(subset, 3)[:, None]])
             N = H.T @ W @ H
             x = np.linalg.solve(N, H.T @ W @ e)
-            left = float((e - H @ x) @ W @ (e - H @ x))
-            if best is None or left < best[0]:
-                best = left, subset, x[3:], np.sqrt(np.diagonal(np.linalg.inv(N)))[3:]
+            remaining = float((e - H @ x) @ W @ (e - H @ x))
+            if best is None or remaining < best[0]:
+                best = remaining, subset, x[3:], np.sqrt(np.diagonal(np.linalg.inv(N)))[3:]
     assert best is not None
-    left, subset, shift, sigma = best
+    remaining, subset, shift, sigma = best
     splits = 3 * (n - 2 * FEWEST_OF_SURVEY + 1)
-    if q - left <= chi2.isf(SPLIT_CHANCE / splits, 3) or left > chi2.isf(FITS_CHANCE, 3 * n - 6):
+    if q - remaining <= chi2.isf(SPLIT_CHANCE / splits, 3) or remaining > chi2.isf(
+        FITS_CHANCE, 3 * n - 6
+    ):
         return None
-    return subset, shift, sigma, q - left
+    return subset, shift, sigma, q - remaining
