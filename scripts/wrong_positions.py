@@ -508,7 +508,14 @@ CASES = (
     Case("ground heights in feet", ground_as(lambda X: X / [1, 1, 0.3048]), r"feet"),
     Case("easting and northing exchanged", ground_as(lambda X: X[:, [1, 0, 2]]), r"exchanged"),
     Case("two control points exchanged", two_exchanged, r"G02|G04"),
-    Case("events late", late, r"delay|late", (0.001, 0.02, 0.1, 1.0), "s", (0.001,)),
+    Case(
+        "events late",
+        late,
+        r"delay of the exposures (of|looks)",
+        (0.001, 0.02, 0.1, 1.0),
+        "s",
+        (0.001,),
+    ),
     Case(
         "sigmas of positions",
         sigmas_as,

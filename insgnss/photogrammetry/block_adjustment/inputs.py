@@ -23,6 +23,7 @@ from ..adjust.groups import InteriorObservation, ObservationGroup, weight_of
 from .aerial.positions import orientation_of
 from .ground import ground_in_plane
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
+from .parameters import UNSTATED_ARM_M
 from .placing import in_own_datum, in_tangent_plane, placed, read_distances
 from .vehicle.places import Vehicle, vehicle_of
 
@@ -136,6 +137,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
         progress("reading aerial control")
         if file.aerial_control.positions_alone:
             eo, table, unchecked = orientation_of(file.aerial_control, source, notes)
+            if mode != "direct" and table.lever_arm_m is None and table.lever_arm_sigma_m is None:
+                table = replace(table, lever_arm_sigma_m=UNSTATED_ARM_M)
             file = replace(file, aerial_control=table)
         else:
             eo = read_one_camera(poses, "an adjustment")

@@ -15,7 +15,7 @@ from ...base.findings import Finding, ranked
 from ...base.wording import some
 from ...flight.config.block_file import OBSERVATION_GROUPS
 from ...report.rules.wording import lengths, screen_unit
-from ..adjust.aerial import BORESIGHT
+from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM
 from ..adjust.outliers import LIMIT_W
 from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
@@ -23,8 +23,9 @@ from .aerial.control import processed_with
 from .aerial.relative import WEAK_DATUM
 from .parameters import SIGNIFICANT_SIGMAS, determined
 from .residuals.pattern import Pattern, patterns, repeating
+from .residuals.surveys import shift_of_check_points, two_surveys
 from .solve import GROUND_CONTROL, AdjustedBlock
-from .trials import RIVAL_GAIN, Trial, shift_of_check_points, trials, unnoticed
+from .trials import RIVAL_GAIN, Trial, trials, unnoticed
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
 # of chi-square, either side: one component in a thousand lies outside by chance
@@ -106,6 +107,8 @@ def judged(
         beyond += repeating(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
     trials_made = trials(solved, _excess(figures), progress, everything=contradicted)
+    if contradicted and (surveys := two_surveys(solved)) is not None:
+        trials_made = (surveys, *(replace(t, explains=False, gain=0.0) for t in trials_made))
     if contradicted:
         shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
         of_checks = shift_of_check_points(solved)
@@ -113,12 +116,9 @@ def judged(
         done = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
             _explained(
-                finding,
-                done if finding.name == CHECK_POINTS else trials_made,
-                solved.direct,
-                smoothed,
+                one, done if one.name == CHECK_POINTS else trials_made, solved.direct, smoothed
             )
-            for finding in beyond
+            for one in beyond
         ]
     else:
         beyond += _hidden(trials_made)
@@ -447,7 +447,8 @@ def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
                 f" ({np.max(np.abs(value) / sigma):.0f} sigma)",
                 "process the flight with --mounting mounting.toml to have it in every product"
                 if estimate["stated_in"] == "flight file"
-                else "the poses that are written have it already",
+                else "the poses that are written have it already"
+                + ("; a delay of the exposures looks alike" * (name == CAMERA_LEVER_ARM)),
             )
 
 

@@ -15,6 +15,7 @@ from ...report.document import Document, Drawing, Marked, Section, Table, limite
 from ...report.figures.block import Field, Ground, charts
 from ...report.rules.wording import lengths
 from ...report.verdict import Verdict, worst_of
+from ..adjust.aerial import SHIFT
 from .judgement import Judgement
 from .solve import AdjustedBlock
 
@@ -197,6 +198,7 @@ def _tables(figures: Mapping[str, Any]) -> Iterator[Section]:
     head: tuple[str, ...] = ("observations", "number", "redundancy", "variance component")
     head += ("their sigmas were multiplied by",)
     yield _of_page("Variance components", Table(components, head, True))
+    yield _flight_lines(figures)
     control = [
         (
             p["point"],
@@ -246,6 +248,24 @@ def _tables(figures: Mapping[str, Any]) -> Iterator[Section]:
     ]
     name = "image observations that do not fit"
     yield _of_page("Rejected", Table(rejected, ("image", "point", "x, px", "y, px"), True, name))
+
+
+def _flight_lines(figures: Mapping[str, Any]) -> Section:
+    """Where flight lines were cut; images in none have none."""
+    rows = [
+        (
+            str(number),
+            line["first_image"],
+            line["last_image"],
+            str(line["images"]),
+            line["control"],
+            lengths([1e3 * x for x in line[SHIFT]]) if SHIFT in line else "–",
+        )
+        for number, line in enumerate(figures["flight_lines"], 1)
+        if line["images"] > 1
+    ]
+    head = ("line", "first image", "last image", "images", "observed", "shift E N U")
+    return _of_page("Flight lines as they were cut", Table(rows, head, True, "lines"))
 
 
 def _check_points(figures: Mapping[str, Any], enu: tuple[str, ...]) -> Section:

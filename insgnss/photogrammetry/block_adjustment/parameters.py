@@ -19,6 +19,9 @@ from ..adjust.unknowns import Key
 
 SIGNIFICANT_SIGMAS = 3.0  # beyond which an estimate differs from zero or from its statement
 HELD_M = 1e-4  # standard deviation of a lever arm that is stated and not estimated
+# standard deviation of a lever arm that nobody states (m): antennas of drones stand 0.05 to 0.3 m
+# from the camera, and files do not say whether their positions are of the antenna
+UNSTATED_ARM_M = (0.15, 0.15, 0.15)
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ class BlockParameter:
         return getattr(getattr(file, table), field)
 
     def left_out(self, file: BlockFile) -> bool:
-        """Tell whether a block file leaves it out; a bore-sight also where it is held nearly.
+        """Tell whether a block file leaves it out; a bore-sight also where it is held nearly, a
+        lever arm where nobody states it.
 
         Parameters
         ----------
@@ -85,7 +89,8 @@ class BlockParameter:
             Whether a trial may estimate it.
         """
         stated = self.stated(file)
-        return not stated or (self.name == BORESIGHT and stated < self.loose)
+        held = self.name == BORESIGHT and stated < self.loose
+        return not stated or held or stated == UNSTATED_ARM_M
 
     def estimated_in(self, file: BlockFile) -> BlockFile:
         """Return a block file that asks for it.

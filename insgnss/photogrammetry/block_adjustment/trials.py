@@ -34,7 +34,6 @@ from .aerial.control import control_of, motion_is_known, motion_of_images
 from .inputs import USUAL_FREE, BlockInputs
 from .mode import CAMERA_HELD
 from .parameters import MOUNTING_PARAMETERS, PARAMETERS, VEHICLE_PARAMETERS, BlockParameter
-from .residuals.check_points import check_points
 from .solve import AdjustedBlock, ground_groups, groups_of
 from .solve import solved as adjusted_block
 from .vehicle.rays import moved_in_time
@@ -46,13 +45,11 @@ GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation tak
 RIVAL_GAIN = 0.8  # of the gain of the best explanation, from which on another one is a rival
 CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas the trial is wrong
 FEWEST_LINES, FEWEST_OF_LINE = 3, 3  # of two lines none is the wrong one; two images are no line
-ALMOST_ALL = 0.8  # of what is too much in check points
 LEAST_SIGMA_M = 1e-4  # of a projection centre: of held ones no share of zero is taken
 COVERED_SIGMAS = 4.0  # of a projection centre, within which an error is covered by them
 AXES = ("x axis", "y axis", "viewing direction")
 DRIVING_MPS = 0.1  # of a vehicle (median) whose clock its places show (chosen)
-CHECK_SHIFT = "shift of check points"
-OTHER_DATUM = "check CRS, heights (geoid or ellipsoid) and antenna of the base"
+OTHER_DATUM = "check CRS, heights (geoid or ellipsoid), antenna heights of base and drone"
 OF_TIE_POINTS = "adjust the tie points in mode iso, and take the camera.toml that it writes"
 
 
@@ -153,10 +150,20 @@ def _plain(value: float) -> str:
     return f"{value:+.3g}" if abs(value) < 999.5 else f"{value:+.0f}"
 
 
-def _explains(
+def explains(
     gain: float, unknowns: int, excess: float, share: float = GAIN_SHARE, candidates: int = 1
 ) -> bool:
-    """Tell whether a gain, the best of some, is no chance, and a share of what is too much."""
+    """Tell whether a gain, the best of some, is no chance, and a share of what is too much.
+
+    Parameters
+    ----------
+    gain, excess : float
+        By how much the cost fell, and by how much it is larger than its expectation.
+    unknowns, candidates : int
+        How many unknowns were added, and of how many such trials it is the best.
+    share : float
+        Of the excess, which an explanation takes away at least.
+    """
     from scipy.stats import chi2
 
     return bool(gain > max(chi2.isf((1.0 - GAIN_CHANCE) / candidates, unknowns), share * excess))
@@ -204,7 +211,9 @@ def trials(
         lines = sum(_is_line(group) for group in solved.result.problem.stated_groups)
         chosen = {of_line.name: 2.0 * np.log(lines)}  # what the best of as many gains by chance
     done.sort(key=lambda trial: trial.unknowns + chosen.get(trial.name, 0.0) - trial.gain)
-    return tuple(done)
+    # a delay, one unknown, stands before a lever arm along the track that gains little more
+    single = [t for t in done if t.unknowns == 1 and t.gain > RIVAL_GAIN * done[0].gain]
+    return tuple(dict.fromkeys([*single, *done]))
 
 
 def _readout(solved: AdjustedBlock, excess: float, progress: Callable[[str], None]) -> Trial | None:
@@ -228,14 +237,22 @@ def _readout(solved: AdjustedBlock, excess: float, progress: Callable[[str], Non
         np.array([value]),
         np.array([sigma]),
         "s",
-        _explains(gain, 1, excess),
+        explains(gain, 1, excess),
         f"state it, camera.readout_s = {value:.4g} (--readout), if the shutter is a rolling one",
-        _sigmas(solved, moved),
+        moved_sigmas(solved, moved),
     )
 
 
-def _sigmas(solved: AdjustedBlock, moved_m: Array) -> float:
-    """Return by how many standard deviations projection centres (n, 3), m, move at most."""
+def moved_sigmas(solved: AdjustedBlock, moved_m: Array) -> float:
+    """Return by how many of their standard deviations projection centres move at most.
+
+    Parameters
+    ----------
+    solved : AdjustedBlock
+        The adjusted block.
+    moved_m : ndarray, (n, 3)
+        By how much they move, m.
+    """
     sigma_m = np.sqrt(np.diagonal(solved.precision.pose_cov[:, :3, :3], axis1=1, axis2=2))
     return float((np.abs(moved_m) / np.maximum(sigma_m, LEAST_SIGMA_M)).max())
 
@@ -280,7 +297,7 @@ def _shifted_line(solved: AdjustedBlock, excess: float) -> Trial | None:
             shift,
             np.asarray(np.sqrt(np.diagonal(np.linalg.inv(N))), dtype=np.float64),
             "m",
-            _explains(gain, 3, excess, candidates=len(groups)),
+            explains(gain, 3, excess, candidates=len(groups)),
             "look for a wrong ambiguity or another base there; --shift-sigma (shift_sigma_m)"
             " estimates a shift of each line",
             float(of_positions.max()),
@@ -293,29 +310,6 @@ def _is_line(group: ObservationGroup) -> bool:
     return isinstance(group, AerialControl) and len(group.images) >= FEWEST_OF_LINE
 
 
-def shift_of_check_points(solved: AdjustedBlock) -> Trial | None:
-    """Try whether check points all stand in axes shifted against those of the block.
-
-    Parameters
-    ----------
-    solved : AdjustedBlock
-        The adjusted block.
-
-    Returns
-    -------
-    Trial or None
-        The shift; None of fewer than three check points.
-    """
-    checks = check_points(solved)
-    if len(checks.rows) < 3:
-        return None
-    value, cov = checks.shift()
-    gain = float(value @ np.linalg.solve(cov, value))
-    excess = checks.normalised_square - checks.difference_m.size
-    explains = _explains(gain, 3, excess, ALMOST_ALL)
-    return Trial(CHECK_SHIFT, gain, value, np.sqrt(np.diagonal(cov)), "m", explains, OTHER_DATUM)
-
-
 def unnoticed(
     solved: AdjustedBlock, trials_made: Sequence[Trial], chance: float
 ) -> Iterator[Finding]:
@@ -325,20 +319,26 @@ def unnoticed(
     """
     from scipy.stats import chi2
 
-    arm = next((one for one in trials_made if one.name == "lever arm"), None)
-    if arm is None or not solved.inputs.file.aerial_control.positions_alone:
+    if not solved.inputs.file.aerial_control.positions_alone:
         return
-    limit, axis = float(chi2.isf(chance, arm.unknowns)), int(np.argmax(arm.sigma))
-    size = np.sqrt(limit) * arm.sigma
     variance = np.median(np.diagonal(solved.precision.pose_cov, axis1=1, axis2=2), axis=0)[:3]
-    if arm.gain <= limit and size[axis] > COVERED_SIGMAS * np.sqrt(variance.max()):
-        yield ranked(
-            arm.name,
-            0.5,
-            f"an error of the lever arm (antenna height) of up to {1e3 * size[axis]:.0f} mm along"
-            f" the camera's {AXES[axis]} would go unnoticed and move all images by as much",
-            "measure it and state it by --lever-arm; oblique images or a second height reveal it",
-        )
+    arm = next((one for one in trials_made if one.name == "lever arm"), None)
+    if solved.inputs.file.aerial_control.lever_arm_sigma_m is not None:
+        sigma = np.sqrt(np.diagonal(solved.precision.cov((CAMERA_LEVER_ARM, 0))))
+        size, hidden = sigma.max(), sigma.max() > np.sqrt(0.5 * variance.max())
+        text = "the lever arm (antenna height) and all images are known to {}, as their sigmas say"
+    elif arm is not None:
+        limit, sigma = float(chi2.isf(chance, arm.unknowns)), arm.sigma
+        size = np.sqrt(limit) * sigma.max()
+        hidden = arm.gain <= limit and size > COVERED_SIGMAS * np.sqrt(variance.max())
+        text = "an error of the lever arm (antenna height) of up to {} would go unnoticed and move"
+        text += " all images by as much"
+    else:
+        return
+    if hidden:
+        along = f"{1e3 * size:.0f} mm along the camera's {AXES[int(np.argmax(sigma))]}"
+        advice = "measure it and state it by --lever-arm; oblique images or a second height reveal"
+        yield ranked("lever arm", 0.5, text.format(along), f"{advice} it")
 
 
 def converging(inputs: BlockInputs, progress: Callable[[str], None]) -> Trial | None:
@@ -489,9 +489,9 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
         value,
         sigma,
         remedy.unit,
-        _explains(gain, value.size, excess),
+        explains(gain, value.size, excess),
         remedy.advice(inputs, value, sigma),
-        _sigmas(solved, again.values.position - result.values.position),
+        moved_sigmas(solved, again.values.position - result.values.position),
     )
 
 

@@ -26,7 +26,7 @@ from insgnss.io.formats.blocks.ground_points import (
 )
 from insgnss.io.formats.blocks.image_points import read_image_points, write_image_points
 from insgnss.io.formats.orientation.eo_json import write_eo_json
-from insgnss.photogrammetry.block_adjustment.aerial.relative import breaks
+from insgnss.photogrammetry.block_adjustment.aerial.relative import flight_lines
 from insgnss.photogrammetry.block_adjustment.ground import ground_in_plane
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.judgement import _control
@@ -113,12 +113,7 @@ def broken(missed, first, end=None, turn_deg=0.0):
 
 def lines_of(inputs):
     """First and last rows of the flight lines, in the order of time."""
-    number = breaks(inputs.eo, 10.0)
-    return [
-        (int(r[0]), int(r[-1]) + 1)
-        for r in map(np.flatnonzero, number == np.unique(number)[:, None])
-        if r.size > 8
-    ]
+    return [(int(r[0]), int(r[-1]) + 1) for r in flight_lines(inputs.eo) if r.size > 8]
 
 
 def exchanged(inputs):

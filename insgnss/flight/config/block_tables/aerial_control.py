@@ -46,7 +46,8 @@ class AerialControlTable(Checked, table="aerial_control"):
         "from the projection centre to the point whose positions the file has (the antenna of a"
         " .pos), camera x right, y down, z viewing direction",
         unit="m",
-        usual="the file has projection centres",
+        usual="of positions without attitudes 0 within 0.15 m, which is estimated; 0 0 0 says that"
+        " the file has projection centres",
         cli="--lever-arm",
     )
     covariance: Literal["auto", "strip", "chain", "image"] = option(

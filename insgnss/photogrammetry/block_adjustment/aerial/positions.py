@@ -41,6 +41,7 @@ from .first_poses import (
 
 Rows = NDArray[np.int64]
 LEAST_SIGMA_M = 1e-4  # of positions in a file: no GNSS knows them better, another unit says it
+FEWEST_PERMUTED = 12  # positions, below which a lost order is not told from another place (chosen)
 FIRST_VALUE_DEG = 0.4  # standard deviation (chosen) of attitudes that are first values
 
 
@@ -140,6 +141,8 @@ def _refuse_distant(poses: Poses, images: Sequence[str], first: FirstPoses) -> N
     names = tuple(images[k] for k in np.flatnonzero(row >= 0).tolist())
     a = replace(first.on_earth.taken(row[row >= 0]), images=names)
     b = replace(poses.taken(np.flatnonzero(row >= 0)), images=names)
+    if problem := _permuted(names, a.ecef, b.ecef):
+        raise InputError.in_file(poses.source, problem)
     away = float(np.median(np.linalg.norm(b.ecef - a.ecef, axis=1))) if names else 0.0
     if away > SHIFT_M:
         raise InputError(largest_difference(a, b))
@@ -147,6 +150,39 @@ def _refuse_distant(poses: Poses, images: Sequence[str], first: FirstPoses) -> N
         findings = compare_poses(replace(a, C_Ex=None), replace(b, C_Ex=None)).findings
         if wrong := [one.statement for one in findings if one.name in HEIGHTS_OTHERWISE]:
             raise InputError(f"{a.source} (a), {b.source} (b): {wrong[0]}")
+
+
+def _permuted(names: Sequence[str], a: Array, b: Array) -> str:
+    """Say that most positions b (n, 3), m, are where a has other images.
+
+    Empty where most have their place, where all lie shifted, or are some rows off or in the reverse
+    order, of which the image observations name the place.
+    """
+    from scipy.spatial import cKDTree
+
+    n = len(names)
+    if n < FEWEST_PERMUTED:
+        return ""
+    step = float(np.median(np.linalg.norm(np.diff(a, axis=0), axis=1)))
+    misfit = np.linalg.norm(b - a - np.median(b - a, axis=0), axis=1)
+    distance, nearest = cKDTree(a).query(b)
+    rows = np.arange(n)
+    right = nearest == rows
+    in_one_order = np.unique(np.concatenate([nearest - rows, nearest + rows]), return_counts=True)
+    scattered = max(right.sum(), in_one_order[1].max()) <= 0.5 * n
+    if (
+        not scattered
+        or np.median(misfit) < 2.0 * step
+        or np.median(distance) > 0.25 * step
+        or np.unique(nearest).size < 0.8 * n
+    ):
+        return ""
+    k = int(np.argmin(right))
+    return (
+        f"{1.0 - right.mean():.0%} of its positions are those of other images, {names[k]} has that"
+        f" of {names[int(nearest[k])]}: its rows were sorted, and numbered anew; restore their"
+        " order, or name positions by their images"
+    )
 
 
 def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array:
