@@ -21,6 +21,7 @@ FORMATS = {
     "camera": ("", ""),
     "barometer": ("tow,h", "%.4f"),
     "measurement": ("tow,heading", "%.4f"),
+    "odometer": ("tow,forward", "%.5f"),
 }
 PLAIN = (lambda t: t, "%.7f", "")
 UNITS = 'units = {{ time = "{}" }}\n'
@@ -72,7 +73,7 @@ DRIFTS = ("50 ppm fast", "50 ppm slow")
 # the intervals of exposures show no step of a clock, which is asked about, and no drift; of another
 # stream that shows no motion a step ahead is a pause (the IMU's is told beside the fixes)
 NOT_OF = {
-    **dict.fromkeys(("barometer", "measurement"), ("set ahead",)),
+    **dict.fromkeys(("barometer", "measurement", "odometer"), ("set ahead",)),
     "imu": ("set ahead", *DRIFTS),
     "gnss": DRIFTS,
     "camera": ("set back", "set ahead", "1970 first", "stamps repeated", *DRIFTS),
@@ -80,7 +81,7 @@ NOT_OF = {
 
 
 class Flown:
-    """A flight of 80 s with a barometer and a heading sensor, written with any stamps."""
+    """A flight of 80 s with barometer, heading sensor and odometer, written with any stamps."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -92,6 +93,7 @@ class Flown:
         sigma = np.sqrt(np.diagonal(sim.gnss.cov_ned, axis1=1, axis2=2))
         baro = path.height + 37.0 + draw.normal(0.0, 0.3, len(path))
         heading = np.degrees(rpy_from_rotation(path.C_nb)[:, 2])
+        forward = np.einsum("nji,nj->ni", path.C_nb, path.velocity_ned)[:, 0]
         self.names, self.sim = sim.events.images, sim
         self.tables = {
             "imu": np.column_stack([sim.imu.time, sim.imu.gyro, sim.imu.accel]),
@@ -99,6 +101,7 @@ class Flown:
             "camera": sim.events.time[:, None],
             "barometer": np.column_stack([path.time, baro]),
             "measurement": np.column_stack([path.time, heading + draw.normal(0, 0.2, len(path))]),
+            "odometer": np.column_stack([path.time, forward + draw.normal(0, 0.1, len(path))]),
         }
         toml = (root / "sim" / "flight.toml").read_text()
         self.mounting = toml[toml.index("[mounting]") : toml.index("[output]")]
@@ -126,7 +129,9 @@ class Flown:
             f'[camera]\nevents = "camera.txt"\n{keys["camera"]}'
             f'[barometer]\nfile = "barometer.csv"\n{keys["barometer"]}'
             f'[[measurement]]\nkind = "heading"\nfile = "measurement.csv"\nsigma = 0.2\n'
-            f"{keys['measurement']}{self.mounting}{more}"
+            f"{keys['measurement']}"
+            f'[[measurement]]\nkind = "body_velocity"\nfile = "odometer.csv"\nsigma = 0.1\n'
+            f"{keys['odometer']}{self.mounting}{more}"
         )
         return insgnss.process(self.root / "flight.toml", write=False)
 
@@ -168,6 +173,17 @@ def test_stamps_of_any_clock_leave_products_as_they_are(flown, stream, clock):
     np.testing.assert_allclose(result.trajectory.time, time, rtol=0, atol=within_s)
     apart = np.abs(result.trajectory.height - right.trajectory.height[at])
     assert (apart < share * np.sqrt(result.trajectory.cov[:, 2, 2])).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clock", DRIFTS)
+def test_fixes_whose_clock_drifts_stay_within_what_is_allowed_for(flown, clock):
+    """Oracle: the flight of streams that all count GPST; 50 ppm are 2 ms and 30 mm at its ends."""
+    flight, right = flown
+    result = flight.process("gnss", CLOCKS[clock])
+    sigma = np.sqrt(np.diagonal(result.eo.cov, axis1=1, axis2=2))[:, :3]
+    assert (np.abs(result.eo.position_m - right.eo.position_m) < 3.0 * sigma).all()
+    np.testing.assert_allclose(result.eo.time, right.eo.time, rtol=0, atol=1e-6)
 
 
 @pytest.mark.slow
