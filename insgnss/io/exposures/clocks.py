@@ -91,6 +91,11 @@ def match_clocks(time: Array, taken_s: Array, tolerance_s: float | None = None) 
         s, of the images by their own clock, not decreasing.
     tolerance_s : float, optional
         Tolerance of a pair, s; 0.45 of the shortest interval between events where it is not given.
+
+    Returns
+    -------
+    ClockMatch
+        Offset of the image clock and what has no partner; all of both where one of them is empty.
     """
     if tolerance_s is None:
         tolerance_s = SHARE_OF_INTERVAL * (float(np.min(np.diff(time))) if time.size > 1 else 1.0)
@@ -172,6 +177,8 @@ def _mutual_pairs(
 
     Rows of the events and of the images, and their residuals: image minus event, s.
     """
+    if not (time.size and taken_s.size):
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0)
     nearest_image = _nearest(time, taken_s)
     nearest_event = _nearest(taken_s, time)
     residual = taken_s[nearest_image] - time
@@ -182,7 +189,7 @@ def _mutual_pairs(
 
 
 def _nearest(time: Array, candidates: Array) -> NDArray[np.intp]:
-    """Place in the increasing `others` of the one nearest to each time."""
+    """Return the row of the increasing `candidates` (k,), s, that is nearest to each time, s."""
     after = np.clip(np.searchsorted(candidates, time), 1, max(candidates.size - 1, 1))
     if candidates.size == 1:
         return np.zeros(time.size, dtype=np.intp)

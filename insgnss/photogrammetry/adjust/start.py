@@ -11,6 +11,10 @@ from ...records.block import Array, BrownCamera, ImageBlock
 from ...records.cameras.camera import rays_of
 from .unknowns import Unknowns
 
+# imaginary share of a real root, and misclosure of its ratios of distances (1): a double root has
+# half of the digits, 1e-8, more where its coefficients cancel
+DOUBLE_ROOT = 1e-4
+
 
 def directions(
     block: ImageBlock,
@@ -98,36 +102,40 @@ def three_point_poses(xy: Array, X: Array) -> list[tuple[Array, Array]]:
     Returns
     -------
     list of tuple
-        Up to four pairs of projection centre (3,) and C_mc (3, 3).
+        Up to eight pairs of projection centre (3,) and C_mc (3, 3), some of them twice.
     """
     d = np.column_stack([xy, np.ones(3)])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     a2, b2, c2 = (((X[i] - X[j]) ** 2).sum() for i, j in ((1, 2), (0, 2), (0, 1)))
     if min(a2, b2, c2) == 0.0:
         return []
-    ca, cb, cc = d[1] @ d[2], d[0] @ d[2], d[0] @ d[1]
-    # distances s_2 = u s_1, s_3 = v s_1; u = num(v) / den(v) is put into the law of cosines
+    cos_alpha, cos_beta, cos_gamma = d[1] @ d[2], d[0] @ d[2], d[0] @ d[1]
+    # distances s_2 = u s_1, s_3 = v s_1; u = numerator(v) / denominator(v) is put into
+    # u^2 - 2 u cos(gamma) = side(v), the law of cosines of the first two rays
     p, q = (a2 - c2) / b2, c2 / b2
-    num = np.array([-1.0 + p, -2.0 * p * cb, 1.0 + p])
-    den = np.array([-2.0 * ca, 2.0 * cc])
-    side = np.array([q, -2.0 * q * cb, q - 1.0])  # u^2 - 2 u cos(gamma) = side(v)
+    numerator = np.array([-1.0 + p, -2.0 * p * cos_beta, 1.0 + p])
+    denominator = np.array([-2.0 * cos_alpha, 2.0 * cos_gamma])
+    side = np.array([q, -2.0 * q * cos_beta, q - 1.0])
     quartic = np.polyadd(
-        np.polymul(num, num),
-        np.polyadd(-2.0 * cc * np.polymul(num, den), -np.polymul(side, np.polymul(den, den))),
+        np.polymul(numerator, numerator),
+        np.polyadd(
+            -2.0 * cos_gamma * np.polymul(numerator, denominator),
+            -np.polymul(side, np.polymul(denominator, denominator)),
+        ),
     )
     poses = []
-    for v in np.roots(quartic):
-        if abs(v.imag) > 1e-6 * abs(v) or v.real <= 0.0:
+    for root in np.roots(quartic):
+        v = root.real
+        length = 1.0 + v * v - 2.0 * v * cos_beta
+        if abs(root.imag) > DOUBLE_ROOT * abs(root) or v <= 0.0 or length <= 0.0:
             continue
-        v = v.real
-        below = np.polyval(den, v)
-        if below == 0.0 or not (u := np.polyval(num, v) / below) > 0.0:
-            continue
-        length = 1.0 + v * v - 2.0 * v * cb
-        if not length > 0.0:
-            continue
-        s = np.sqrt(b2 / length)
-        poses.append(_absolute(d * (s * np.array([1.0, u, v]))[:, None], X))
+        # where the triangle is symmetric, the denominator is zero at a root: both u may be right
+        spread = np.sqrt(max(cos_gamma**2 + np.polyval(side, v), 0.0))
+        for u in (cos_gamma - spread, cos_gamma + spread):
+            misclosure = u * np.polyval(denominator, v) - np.polyval(numerator, v)
+            if u > 0.0 and abs(misclosure) <= DOUBLE_ROOT:
+                distance = np.sqrt(b2 / length) * np.array([1.0, u, v])
+                poses.append(_absolute(d * distance[:, None], X))
     return poses
 
 

@@ -226,6 +226,14 @@ def test_clocks_are_matched_whatever_is_lost(seed):
     assert match.rms_s < 0.06
 
 
+@pytest.mark.parametrize(("events", "images"), [(0, 3), (3, 0), (0, 0)])
+def test_nothing_is_matched_where_one_side_is_empty(events, images):
+    """Oracle: the definition."""
+    match = match_clocks(np.arange(float(events)), np.arange(float(images)))
+    assert (match.events, match.images) == (tuple(range(events)), tuple(range(images)))
+    assert match.rms_s == np.inf
+
+
 def lost(event, image, n=60):
     """Times of n events and n images of n + 1 exposures, of which one was not stamped and another
     not kept (numbers from 1).
