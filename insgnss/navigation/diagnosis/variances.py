@@ -305,8 +305,8 @@ class VarianceSearch:
 
     def _white_share(self, layout_factory: LayoutFactory, errors: FixErrors) -> tuple[float, float]:
         """Return the factor of the fixes' white error without a slow one, and -2 log L with it."""
-        at = self.names.index(POSITION_SIGMAS)
-        g, A = self.nothing.gradient[at], self.nothing.information[at, at]
+        index = self.names.index(POSITION_SIGMAS)
+        g, A = self.nothing.gradient[index], self.nothing.information[index, index]
         step = -float(g / A)
         if abs(step) < NO_STEP:
             return 1.0, self.nothing.cost - 0.5 * float(g**2 / A)
@@ -450,8 +450,8 @@ def _linearised(
 
 def _least_cost(segment: LinearSegment, theta: Array) -> float:
     """Return -2 log L at the best of the last parameter, by a step of the scoring."""
-    found = evaluate([segment], theta, np.arange(theta.size) == theta.size - 1)
-    return found.cost - 0.5 * float(found.gradient[-1] ** 2 / found.information[-1, -1])
+    near = evaluate([segment], theta, np.arange(theta.size) == theta.size - 1)
+    return near.cost - 0.5 * float(near.gradient[-1] ** 2 / near.information[-1, -1])
 
 
 def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:
