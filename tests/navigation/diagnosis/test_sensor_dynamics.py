@@ -190,7 +190,7 @@ def test_a_bias_that_grows_with_the_load_is_taken_off() -> None:
     biased = dvel + np.outer(load * inc.dt, [0.1, -0.1, 0.0])
     problem = replace(flown.problem, inc=replace(inc, dvel=biased))
     solution: Any = SimpleNamespace()
-    mended = without_load_bias(problem, solution, np.array([0.1, -0.1, 0.0])).inc.dvel
+    mended = without_load_bias(problem, solution)(np.array([0.1, -0.1, 0.0])).inc.dvel
     away = np.abs(since - 10.0) > 0.3
     # its share in the magnitude, 0.03^2 / 2 / 13, is left
     assert_allclose(mended[away], dvel[away], atol=1e-7)
@@ -205,7 +205,7 @@ def test_late_gyros_are_taken_back() -> None:
     late = replace(imu, gyro=np.concatenate([imu.gyro[:1], imu.gyro[:-1]]))
     inc = body_increments(late, np.eye(3), marks)
     solution: Any = SimpleNamespace()
-    mended = with_earlier_gyros(replace(flown.problem, inc=inc), solution, np.array([0.01])).inc
+    mended = with_earlier_gyros(replace(flown.problem, inc=inc), solution)(np.array([0.01])).inc
     inside = slice(5, -5)
     assert_allclose(mended.dtheta[inside], true.dtheta[inside], atol=2e-6)
     assert np.abs(inc.dtheta - true.dtheta)[inside].max() > 5e-5
@@ -228,9 +228,8 @@ def test_fixes_that_lag_are_moved_ahead() -> None:
     behind = lag * (antenna(at + h) - 2.0 * antenna(at) + antenna(at - h)) / h**2
     epochs = problem.epochs._replace(position=antenna(time) - behind)
     solution: Any = SimpleNamespace(nav=flown.true_nav())
-    mended = with_followed_fixes(
-        replace(problem, epochs=epochs), solution, np.array([lag])
-    ).epochs.position
+    followed = with_followed_fixes(replace(problem, epochs=epochs), solution)
+    mended = followed(np.array([lag])).epochs.position
     inside = np.flatnonzero(problem.epochs.has_position)[5:-5]
     largest = np.abs(behind[inside]).max()
     assert largest > 0.1
