@@ -145,7 +145,7 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     flight = replace(flight, filter=replace(flight.filter, adaptive_noise="off"))
     light = replace(flight, output=replace(flight.output, trajectory_hz=OUTPUT_HZ))
     solved, gaps = solve_segments(light, recording, progress)
-    moving = [part for segment in solved for part in _moving_parts(segment, recording)]
+    moving = [piece for segment in solved for piece in _moving_parts(segment, recording)]
     noise, dropped = _estimate_noise(flight, moving, chosen, progress)
     model = model_in_flight(flight, recording, noise)
     offered, rejected_before = _rejections(solved)
@@ -212,11 +212,12 @@ def _estimate_noise(
     from ....navigation.innovations.innovation_noise import GAIN_OF_CORRELATION, in_flight_noise
     from ....navigation.innovations.pieces import without_correlated
 
-    adopted = [part.problem.layout.gm >= 0 for part in parts]
+    adopted = [piece.problem.layout.gm >= 0 for piece in parts]
     if not any(adopted) or flight.gnss.gm_sigma != "auto":
         return in_flight_noise(parts, chosen, progress), False
     without_gm = [
-        without_correlated(part) if has else part for part, has in zip(parts, adopted, strict=True)
+        without_correlated(piece) if has else piece
+        for piece, has in zip(parts, adopted, strict=True)
     ]
     white = in_flight_noise(without_gm, chosen, progress)
     if not all(adopted):
