@@ -66,7 +66,7 @@ from insgnss.simulation.image_block import (
     tie_points,
     under_images,
 )
-from insgnss.simulation.image_block import _terrain as rolling
+from insgnss.simulation.image_block import _draw_terrain as rolling
 from insgnss.simulation.plug import plugged
 
 Array = np.ndarray

@@ -179,8 +179,9 @@ def angles(
     """
     changes = {"angles exchanged": exchanged, "sign of angles": reversed_signs}
     for name, conventions in changes.items():
-        for one in conventions(read_as.names):
-            yield Convention(one.words, _after(one.change, read_as.rotation), name)
+        for convention in conventions(read_as.names):
+            change = _after(convention.change, read_as.rotation)
+            yield Convention(convention.words, change, name)
     for (unit, read_unit), factor in ANGLES.items():
         if read_unit in units:
             description = f"angles in {unit} that were read as {read_unit}"
@@ -201,14 +202,17 @@ def angles(
 
 
 def _columns(order: Sequence[int]) -> Change:
+    """Return the change that puts columns of (n, 3) in an order."""
     return lambda x: x[:, list(order)]
 
 
 def _times(factors: float | Sequence[float]) -> Change:
+    """Return the change that multiplies columns of (n, 3) by factors."""
     return lambda x: x * np.asarray(factors)
 
 
 def _after(first: Change, second: Change) -> Change:
+    """Return the change that does one and then the other."""
     return lambda x: second(first(x))
 
 
@@ -227,14 +231,14 @@ def turned_by(Q: Array, names: Sequence[str]) -> str:
     str
         Such as "+90 deg about up".
     """
-    v = vector_from_rotation(Q)
-    angle = float(np.degrees(np.linalg.norm(v)))
-    axis = np.round(v / np.abs(v).max(), 6)
-    parts = [
+    rotation_vector = vector_from_rotation(Q)
+    angle = float(np.degrees(np.linalg.norm(rotation_vector)))
+    axis = np.round(rotation_vector / np.abs(rotation_vector).max(), 6)
+    axis_names = [
         f"{'minus ' if x < 0.0 else ''}{name}" for name, x in zip(names, axis, strict=True) if x
     ]
-    if len(parts) > 1:
-        return f"{angle:.0f} deg about the middle of {' and '.join(parts)}"
+    if len(axis_names) > 1:
+        return f"{angle:.0f} deg about the middle of {' and '.join(axis_names)}"
     return f"{angle * axis.sum():+.0f} deg about {names[int(np.abs(axis).argmax())]}"
 
 

@@ -239,10 +239,12 @@ def _code_at_end(text: str) -> str:
     if code is None or crs is None:
         return ""
     operation = (crs.sub_crs_list or [crs])[0].coordinate_operation
-    registered = [] if operation is None else [one.value for one in operation.params]
+    registered = [] if operation is None else [parameter.value for parameter in operation.params]
     values = [float(number) for number in PARAMETER.findall(text)]
-    same = all(np.isclose(value, registered, rtol=1e-7, atol=1e-9).any() for value in values)
-    return code[1] if same else ""
+    same_parameters = all(
+        np.isclose(value, registered, rtol=1e-7, atol=1e-9).any() for value in values
+    )
+    return code[1] if same_parameters else ""
 
 
 def first_wkt(crs: Any, who: str) -> str:
@@ -445,10 +447,10 @@ def transformed(
     """
     from pyproj.exceptions import ProjError
 
-    t = () if epoch is None else (np.full(np.shape(x), epoch),)
+    epochs = () if epoch is None else (np.full(np.shape(x), epoch),)
     try:
         out = transformer.transform(
-            x, y, z, *t, errcheck=True, direction="INVERSE" if inverse else "FORWARD"
+            x, y, z, *epochs, errcheck=True, direction="INVERSE" if inverse else "FORWARD"
         )[:3]
     except ProjError as error:
         raise InputError(

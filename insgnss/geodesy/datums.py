@@ -275,7 +275,7 @@ def fitting_crs(
         return f"{datum or 'EPSG:4326'} {globe.name} (longitude and latitude, deg)"
     fits: list[tuple[bool, float, str]] = []
     for beyond in (0.0, BEYOND_DEG):
-        west, east = ((lon_deg + side + 180.0) % 360.0 - 180.0 for side in (-beyond, beyond))
+        west, east = ((lon_deg + margin + 180.0) % 360.0 - 180.0 for margin in (-beyond, beyond))
         area = AreaOfInterest(west, lat_deg, east, lat_deg)
         for info in () if fits else query_crs_info("EPSG", PJType.PROJECTED_CRS, area):
             try:

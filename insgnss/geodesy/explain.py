@@ -155,26 +155,32 @@ def explain(
         except (InsgnssError, np.linalg.LinAlgError):
             return np.inf
 
-    whole, judged = misfit_of(None), []
+    unchanged_misfit = misfit_of(None)
+    judged = []
     for candidate in candidates:
         if not abs(candidate.size) <= 1.0:
             continue
-        before = whole if candidate.same is None else misfit_of(candidate.same)
+        reference_misfit = unchanged_misfit if candidate.same is None else misfit_of(candidate.same)
         remaining = misfit_of(candidate.read)
-        if remaining <= min(EXPLAINS * before, good, whole) and np.isfinite(remaining):
+        if remaining <= min(EXPLAINS * reference_misfit, good, unchanged_misfit) and np.isfinite(
+            remaining
+        ):
             cost = (remaining + floor) * LEAST_MISFIT_RATIO**candidate.parameters
-            judged.append((cost, remaining, before, candidate))
+            judged.append((cost, remaining, reference_misfit, candidate))
     if not judged:
         return None
-    _, remaining, before, best = min(judged, key=lambda one: one[:2])
+    _, remaining, reference_misfit, best = min(judged, key=lambda entry: entry[:2])
     alike = {
-        one.statement: one
-        for _, remaining_of_one, _, one in judged
-        if one.statement != best.statement
-        and one.parameters <= best.parameters
-        and remaining_of_one + floor <= LEAST_MISFIT_RATIO * (remaining + floor)
+        candidate.statement: candidate
+        for _, candidate_misfit, _, candidate in judged
+        if candidate.statement != best.statement
+        and candidate.parameters <= best.parameters
+        and candidate_misfit + floor <= LEAST_MISFIT_RATIO * (remaining + floor)
     }
-    return Explanation(best, best.read(given), before, remaining, tuple(alike.values()))
+    return Explanation(best, best.read(given), reference_misfit, remaining, tuple(alike.values()))
+
+
+FINER_STEPS = 5  # of a finer scan, on either side of the best shift of the coarser one (chosen)
 
 
 def best_shift(
@@ -196,10 +202,12 @@ def best_shift(
     tuple of float, or None
         None where no shift can be judged.
     """
-    best, least = 0.0, np.inf
+    best = 0.0
+    least_misfit = np.inf
     for number, step in enumerate(steps):
-        count = round(reach / step) if number == 0 else 5
+        count = round(reach / step) if number == 0 else FINER_STEPS
         shifts = best + step * np.arange(-count, count + 1)
-        sizes = [misfit(float(shift)) for shift in shifts]
-        best, least = float(shifts[np.argmin(sizes)]), min(sizes)
-    return (best, least) if np.isfinite(least) else None
+        misfits = [misfit(float(shift)) for shift in shifts]
+        best = float(shifts[np.argmin(misfits)])
+        least_misfit = min(misfits)
+    return (best, least_misfit) if np.isfinite(least_misfit) else None

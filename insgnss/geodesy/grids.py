@@ -191,11 +191,11 @@ def lacking_plan(name: str, grids: Sequence[str], best_m: float, used_m: float, 
     str
         The message.
     """
-    used = f"{used_m:g} m" if used_m >= 0.0 else "an unknown accuracy"
+    accuracy = f"{used_m:g} m" if used_m >= 0.0 else "an unknown accuracy"
     return (
         f"CRS {name}: the transformation to its datum is accurate to {best_m:g} m with the grid"
-        f" {' and '.join(grids)}, which is not installed, and to {used} without; get the grid by"
-        f" {sync_commands(grids)}, or name another CRS, or the datum of the base's coordinates"
+        f" {' and '.join(grids)}, which is not installed, and to {accuracy} without; get the grid"
+        f" by {sync_commands(grids)}, or name another CRS, or the datum of the base's coordinates"
         f" where it is {datum} (gnss.datum); {DOCTOR}"
     )
 
@@ -222,19 +222,19 @@ def lacking_grids(
         The message, empty where no grid of PROJ's would help. Of several ways it names the one
         that lacks the fewest grids, of these the most accurate one.
     """
-    ways = []
+    remedies = []
     for operation in operations(source, target, lat, lon).unavailable_operations:
         missing = [grid for grid in operation.grids if not grid.available]
         if missing and all(grid.url for grid in missing):
             accuracy = operation.accuracy if operation.accuracy >= 0.0 else np.inf
-            ways.append((len(missing), accuracy, [grid.short_name for grid in missing]))
-    if not ways:
+            remedies.append((len(missing), accuracy, [grid.short_name for grid in missing]))
+    if not remedies:
         return ""
-    count, _, grids = min(ways)
-    need, them = ("a grid", "it") if count == 1 else ("grids", "them")
-    instead = "a geoid file and a horizontal CRS" if subject == HEIGHTS else "another CRS"
+    count, _, grids = min(remedies)
+    noun, pronoun = ("a grid", "it") if count == 1 else ("grids", "them")
+    alternative = "a geoid file and a horizontal CRS" if subject == HEIGHTS else "another CRS"
     return (
-        f"CRS {name}: {subject} need{'s' * (subject != HEIGHTS)} {need}: {' and '.join(grids)}"
-        f" {'is' if count == 1 else 'are'} not installed; get {them} by {sync_commands(grids)}, or"
-        f" name {instead} instead; {DOCTOR}"
+        f"CRS {name}: {subject} need{'s' * (subject != HEIGHTS)} {noun}: {' and '.join(grids)}"
+        f" {'is' if count == 1 else 'are'} not installed; get {pronoun} by {sync_commands(grids)},"
+        f" or name {alternative} instead; {DOCTOR}"
     )

@@ -170,8 +170,8 @@ class NormalEquations:
         square = 0.0
         for group, W in zip(self.groups, self.weights, strict=True):
             if PRIOR not in group.shares:
-                v = group.e if isinstance(dx, float) else group.residual(dx)
-                square += float(np.einsum("ki,kij,kj->", v, W, v))
+                residual = group.e if isinstance(dx, float) else group.residual(dx)
+                square += float(np.einsum("ki,kij,kj->", residual, W, residual))
         return square
 
     def components(self) -> dict[str, tuple[float, float]]:
@@ -184,12 +184,13 @@ class NormalEquations:
         """
         sums = dict[str, tuple[float, float]]()
         for group, W in zip(self.groups, self.weights, strict=True):
-            v, WA = (W @ group.e[:, :, None])[:, :, 0], W @ group.A
+            We = (W @ group.e[:, :, None])[:, :, 0]
+            WA = W @ group.A
             P_r = W - WA @ self.cov @ WA.swapaxes(1, 2)
             for name, share in group.shares.items():
                 V_i = self.factors.get(name, 1.0) * share
                 square, redundancy = sums.get(name, (0.0, 0.0))
-                square += float(np.einsum("ki,kij,kj->", v, V_i, v))
+                square += float(np.einsum("ki,kij,kj->", We, V_i, We))
                 sums[name] = square, redundancy + float(np.sum(P_r * V_i))
         return sums
 

@@ -126,17 +126,17 @@ class MapProjection:
 
     @property
     def heights(self) -> str:
-        """The name of what the third coordinate is."""
+        """Return the name of what the third coordinate is."""
         if self.crs.is_compound:
             return str(self.crs.sub_crs_list[1].name)
         if self.geoid is not None:
             return above(self.geoid)
-        of = self.horizontal.geodetic_crs if self._heights_of_datum else self._source
-        return above_ellipsoid(of)
+        in_datum = self._heights_of_datum
+        return above_ellipsoid(self.horizontal.geodetic_crs if in_datum else self._source)
 
     @cached_property
     def _heights_of_datum(self) -> bool:
-        """Whether heights go along into the datum of the CRS."""
+        """Return whether heights go along into the datum of the CRS."""
         axes_m = [crs.ellipsoid.semi_major_metre for crs in (self.horizontal, self._source)]
         return len(self.horizontal.axis_info) > 2 or (
             self._named and abs(axes_m[0] - axes_m[1]) < SAME_AXIS_M
@@ -144,23 +144,22 @@ class MapProjection:
 
     @cached_property
     def units(self) -> tuple[LengthUnit, LengthUnit]:
-        """The units in which the CRS counts in plan and in height.
+        """Return the units in which the CRS counts in plan and in height.
 
         Heights of a CRS without a vertical part are in the unit of the plan.
         """
         plan = self.horizontal.axis_info[0]
         vertical = self.crs.sub_crs_list[1].axis_info[0] if self.crs.is_compound else plan
-        first, second = (
-            METRE
-            if axis.unit_conversion_factor == 1.0
-            else LengthUnit(axis.unit_name, axis.unit_conversion_factor)
-            for axis in (plan, vertical)
-        )
-        return first, second
+
+        def unit(axis: Any) -> LengthUnit:
+            factor = axis.unit_conversion_factor
+            return METRE if factor == 1.0 else LengthUnit(axis.unit_name, factor)
+
+        return unit(plan), unit(vertical)
 
     @property
     def unit_m(self) -> Array:
-        """(3,) metres of one unit of easting, northing and height of the CRS."""
+        """Return the metres (3,) of one unit of easting, northing and height of the CRS."""
         plan, height = self.units
         return np.array([plan.metres, plan.metres, height.metres])
 
@@ -203,7 +202,7 @@ class MapProjection:
         InputError
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
-        x = self._of_datum(lat, lon, h)
+        x = self._coordinates_in_datum(lat, lon, h)
         horizontal, h_crs = x[:, :2], x[:, 2] if self._heights_of_datum else h
         if not self.crs.is_compound and self.geoid is None:
             return np.column_stack([horizontal, h_crs])
@@ -241,9 +240,9 @@ class MapProjection:
         InputError
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
-        return self._of_datum(lat, lon, h)[:, :2]
+        return self._coordinates_in_datum(lat, lon, h)[:, :2]
 
-    def _of_datum(self, lat: Array, lon: Array, h: Array) -> Array:
+    def _coordinates_in_datum(self, lat: Array, lon: Array, h: Array) -> Array:
         """Return easting, northing, m, and the height above the ellipsoid of the CRS's datum."""
         self._refuse_missing_grid(lat, lon)
         x, y, z = transformed(
@@ -253,7 +252,7 @@ class MapProjection:
         return np.column_stack([x * unit, y * unit, z])
 
     def _refuse_missing_grid(self, lat: Array, lon: Array) -> None:
-        """InputError where PROJ knows a better transformation here, whose grid is not there."""
+        """Raise InputError where PROJ knows a better transformation whose grid is not installed."""
         if lat.size == 0 or not (np.isfinite(lat).all() and np.isfinite(lon).all()):
             return
         box = box_around(lat, lon)
@@ -262,14 +261,14 @@ class MapProjection:
         group = operations(self._source, self.horizontal.to_3d(), lat, lon)
         best = group.unavailable_operations[:1]
         if not group.best_available and best and group.transformers:
-            used = group.transformers[0].accuracy
-            if 0.0 <= best[0].accuracy < used or used < 0.0:
+            accuracy_m = group.transformers[0].accuracy
+            if 0.0 <= best[0].accuracy < accuracy_m or accuracy_m < 0.0:
                 grids = [grid.short_name for grid in best[0].grids if not grid.available]
                 geodetic = self.horizontal.geodetic_crs
-                datum = " ".join(
-                    [geodetic.name, *(":".join(geodetic.to_authority() or ()),)]
-                ).strip()
-                raise InputError(lacking_plan(self.name, grids, best[0].accuracy, used, datum))
+                code = ":".join(geodetic.to_authority() or ())
+                datum = f"{geodetic.name} {code}".strip()
+                message = lacking_plan(self.name, grids, best[0].accuracy, accuracy_m, datum)
+                raise InputError(message)
         self._looked.add(box)
 
     def inverse(self, coordinates: Array) -> tuple[Array, Array, Array]:
@@ -303,9 +302,12 @@ class MapProjection:
         lat, lon, h = np.radians(lat), np.radians(lon), x[:, 2].copy()
         M, N = curvature_radii(lat)
         for _ in range(3):
-            off = x - self.forward(lat, lon, h)
-            east, north = np.linalg.solve(self._jacobian(lat, lon, h), off[:, :2, None])[:, :, 0].T
-            lat, lon, h = lat + north / (M + h), lon + east / ((N + h) * np.cos(lat)), h + off[:, 2]
+            misclosure = x - self.forward(lat, lon, h)
+            jacobian = self._jacobian(lat, lon, h)
+            east, north = np.linalg.solve(jacobian, misclosure[:, :2, None])[:, :, 0].T
+            lon = lon + east / ((N + h) * np.cos(lat))
+            lat = lat + north / (M + h)
+            h = h + misclosure[:, 2]
         return lat, lon, h
 
     def axes(self, lat: Array, lon: Array, h: Array) -> Array:
@@ -377,8 +379,8 @@ class MapProjection:
         M, N = curvature_radii(lat)
         half = 0.5 * STEP_RAD
         east, west, north, south = (
-            self.forward_horizontal(lat + half * up, lon + half * right / np.cos(lat), h)
-            for up, right in ((0, 1), (0, -1), (1, 0), (-1, 0))
+            self.forward_horizontal(lat + half * to_north, lon + half * to_east / np.cos(lat), h)
+            for to_north, to_east in ((0, 1), (0, -1), (1, 0), (-1, 0))
         )
         return np.stack(
             [
@@ -401,7 +403,7 @@ class MapProjection:
         int
             Number of points; 0 where the registry names no area.
         """
-        return int(np.count_nonzero(self._beyond(lat, lon) > 0.0))
+        return int(np.count_nonzero(self._degrees_beyond(lat, lon) > 0.0))
 
     def degrees_outside(self, lat: Array, lon: Array) -> float:
         """Return how far the points lie outside the area for which the CRS is made.
@@ -417,17 +419,18 @@ class MapProjection:
             Degrees of longitude or latitude, the median of the points; 0 where the registry names
             no area.
         """
-        return float(np.median(self._beyond(lat, lon))) if lat.size else 0.0
+        return float(np.median(self._degrees_beyond(lat, lon))) if lat.size else 0.0
 
-    def _beyond(self, lat: Array, lon: Array) -> Array:
+    def _degrees_beyond(self, lat: Array, lon: Array) -> Array:
         """Return the degrees (n,) by which points lie beyond the area, 0 inside or without one."""
         area = self.horizontal.area_of_use
         if area is None:
             return np.zeros(lat.shape)
         width = (area.east - area.west) % 360.0 or 360.0
-        lat, east = np.degrees(lat), (np.degrees(lon) - area.west) % 360.0
+        lat_deg = np.degrees(lat)
+        east = (np.degrees(lon) - area.west) % 360.0
         beyond = np.where(east > width, np.minimum(east - width, 360.0 - east), 0.0)
-        return np.maximum(beyond, np.maximum(area.south - lat, lat - area.north))
+        return np.maximum(beyond, np.maximum(area.south - lat_deg, lat_deg - area.north))
 
     def operation(self) -> tuple[str, float]:
         """Return the datum transformation that was last used.
@@ -440,10 +443,10 @@ class MapProjection:
             Its accuracy, m; negative where unknown.
         """
         try:
-            used = self._horizontal.get_last_used_operation()
+            last_operation = self._horizontal.get_last_used_operation()
         except Exception:  # pyproj's own error class, before the first use
             return "", -1.0
-        return str(used.description), float(used.accuracy)
+        return str(last_operation.description), float(last_operation.accuracy)
 
     def shift_m(self, lat: Array, lon: Array, h: Array) -> float:
         """Return the most by which the datum transformation moves the points horizontally.

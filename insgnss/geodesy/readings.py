@@ -40,7 +40,7 @@ def of_positions(units: bool = True, rows: bool = True) -> Iterator[Convention]:
     iterator of Convention
         For positions (n, 3).
     """
-    yield from (one for one in exchanged(XYZ) if "exchanged" in one.words)
+    yield from (convention for convention in exchanged(XYZ) if "exchanged" in convention.words)
     yield from reversed_signs(XYZ, most=1)
     if units:
         yield from lengths("coordinates")
@@ -70,8 +70,8 @@ def of_attitudes(
     def of_angles(change: Change) -> Change:
         return lambda C: change(OPK.take(C @ CV_RUB) if opk is None else opk) @ CV_RUB
 
-    for one in angles(OPK, CAMERA_SETS, units=units):
-        yield Convention(one.words, of_angles(one.change))
+    for convention in angles(OPK, CAMERA_SETS, units=units):
+        yield Convention(convention.words, of_angles(convention.change))
     yield Convention("rotations that take the axes into the camera", lambda C: C.transpose(0, 2, 1))
     yield Convention("angles of the camera x right, y down", lambda C: C @ CV_RUB)
 
@@ -99,8 +99,8 @@ def suspected(
     def reading(change: Change) -> Callable[[Data], Data]:
         return lambda data: read(data, change)
 
-    for one in conventions:
-        yield Candidate(f"{source} has {one.words}", reading(one.change))
+    for convention in conventions:
+        yield Candidate(f"{source} has {convention.words}", reading(convention.change))
 
 
 def advice(explanation: Explanation[Data] | None) -> str:

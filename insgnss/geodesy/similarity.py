@@ -70,16 +70,18 @@ def similarity(
     Similarity or None
         None where points do not determine it.
     """
-    x, y = X - X.mean(axis=0), Y - Y.mean(axis=0)
+    x = X - X.mean(axis=0)
+    y = Y - Y.mean(axis=0)
     if rotation is None:
-        U, size, Vt = np.linalg.svd(y.T @ x)
-        if not size[1] > LEAST_SINGULAR_RATIO * size[0]:
+        U, singular, Vt = np.linalg.svd(y.T @ x)
+        if not singular[1] > LEAST_SINGULAR_RATIO * singular[0]:
             return None
         rotation = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    turned = x @ rotation.T
-    if not (spread := float((turned**2).sum())) > 0.0:
+    rotated = x @ rotation.T
+    spread = float((rotated**2).sum())
+    if not spread > 0.0:
         return None
-    scale = 1.0 if rigid else float((turned * y).sum()) / spread
+    scale = 1.0 if rigid else float((rotated * y).sum()) / spread
     if not scale > 0.0:
         return None
     return Similarity(Y.mean(axis=0) - scale * rotation @ X.mean(axis=0), rotation, scale)

@@ -25,9 +25,10 @@ ALL = "AntennaPos_WGS84.txt"
 IMAGES_FILE = "AntennaPos_Img_WGS84.txt"
 PLANE = "AntennaPos_Img_WGS84_tangentplane.txt"
 ANTENNA_FILES: tuple[str, ...] = (ALL, IMAGES_FILE, PLANE)
-LONGEST_GAP_S = 1.5  # between neighbouring fixes, for an exposure between them
+LONGEST_GAP_S = 1.5  # s, between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer
 CUBIC_FIXES = 4  # fixes that a cubic needs
+NAMED_IMAGES = 5  # images that a finding names: 5, because a line holds no more
 
 
 def positions_of_others(directory: Path) -> str | None:
@@ -94,7 +95,7 @@ def write_antenna_files(
         ImagePositions(names, positions[covered], "geodetic"), directory / IMAGES_FILE
     )
     write_image_positions(ImagePositions(names, plane, "tangent_plane"), directory / PLANE)
-    return tuple(directory / name for name in (ALL, IMAGES_FILE, PLANE)), _without_position(
+    return tuple(directory / name for name in (ALL, IMAGES_FILE, PLANE)), _check_covered(
         events, covered
     )
 
@@ -120,18 +121,18 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
     if fixes.time.size < CUBIC_FIXES:
         return out, np.zeros(time.size, dtype=np.bool_)
     longest = max(LONGEST_GAP_S, LONGEST_INTERVALS * float(np.median(np.diff(fixes.time))))
-    after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
+    later_fix = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
     inside = (time >= fixes.time[0]) & (time <= fixes.time[-1])
-    covered = inside & (fixes.time[after] - fixes.time[after - 1] <= longest)
+    covered = inside & (fixes.time[later_fix] - fixes.time[later_fix - 1] <= longest)
     frame = LocalFrame(float(fixes.lat[0]), float(fixes.lon[0]), float(fixes.height[0]))
     position = frame.position_from_geodetic(fixes.lat, fixes.lon, fixes.height)
-    first = np.clip(after[covered] - 2, 0, fixes.time.size - CUBIC_FIXES)
-    rows = first[:, None] + np.arange(CUBIC_FIXES)
+    first_node = np.clip(later_fix[covered] - 2, 0, fixes.time.size - CUBIC_FIXES)
+    rows = first_node[:, None] + np.arange(CUBIC_FIXES)
     interpolated = cubic(fixes.time[rows], position[rows], time[covered])
-    # a gap beside: the cubic would swing
-    linear = fixes.time[first + CUBIC_FIXES - 1] - fixes.time[first] > 3.0 * longest
+    # a gap next to the interval: the cubic would overshoot
+    linear = fixes.time[first_node + CUBIC_FIXES - 1] - fixes.time[first_node] > 3.0 * longest
     interpolated[linear] = _linear(
-        fixes.time, position, time[covered][linear], after[covered][linear]
+        fixes.time, position, time[covered][linear], later_fix[covered][linear]
     )
     out[covered] = np.stack(frame.geodetic_from_position(interpolated), axis=-1)
     return out, covered
@@ -164,12 +165,14 @@ def cubic(node: Array, value: Array, time: Array) -> Array:
     return out
 
 
-def _linear(node: Array, value: Array, time: Array, after: NDArray[np.int64]) -> Array:
-    share = (time - node[after - 1]) / (node[after] - node[after - 1])
-    return np.asarray(value[after - 1] + share[:, None] * (value[after] - value[after - 1]))
+def _linear(node: Array, value: Array, time: Array, later: NDArray[np.int64]) -> Array:
+    """Interpolate values (n, 3) at nodes (n,), s, to `time` (m,), each before node `later` (m,)."""
+    share = (time - node[later - 1]) / (node[later] - node[later - 1])
+    return np.asarray(value[later - 1] + share[:, None] * (value[later] - value[later - 1]))
 
 
-def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Finding | None:
+def _check_covered(events: CameraEvents, covered: NDArray[np.bool_]) -> Finding | None:
+    """Return a note that names the images outside `covered` (n,), None where there are none."""
     if covered.all():
         return None
     missing = [
@@ -177,9 +180,8 @@ def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Findi
         for name, has_position in zip(events.images, covered.tolist(), strict=True)
         if not has_position
     ]
-    finding = (
-        f"{len(missing)} of {covered.size} images have no fixes around them: {some(missing, 5)}"
-    )
+    finding = f"{len(missing)} of {covered.size} images have no fixes around them:"
+    finding += f" {some(missing, NAMED_IMAGES)}"
     return Question("images without position", "fixes around every exposure").note(
         finding, "process the flight with its IMU, which bridges such gaps"
     )

@@ -48,19 +48,25 @@ def without_wet_delay(
     fixes: GnssFixes, sky: Sky, base_ecef: Array, air: Atmosphere | Mapping[str, float] | None
 ) -> tuple[GnssFixes, Finding]:
     """Return fixes with the correction of `troposphere`, its covariance added, and a line on it."""
-    blind = ~np.isfinite(displacement_per_delay(sky, fixes.time.size)[:, 0])
+    too_few_satellites = ~np.isfinite(displacement_per_delay(sky, fixes.time.size)[:, 0])
     quality = np.where(
-        blind, Quality.SINGLE, Quality.FIXED if fixes.quality is None else fixes.quality
+        too_few_satellites,
+        Quality.SINGLE,
+        Quality.FIXED if fixes.quality is None else fixes.quality,
     )  # single: not corrected
     correction = wet_delay_correction(
         replace(fixes, quality=quality), base_ecef, sky, _at_base(air, base_ecef)
     )
-    down = 1e3 * correction.correction_ned[:, 2]
-    finding = f"heights raised by {-down.max():.1f} to {-down.min():.1f} mm"
+    correction_down_mm = 1e3 * correction.correction_ned[:, 2]
+    finding = (
+        f"heights raised by {-correction_down_mm.max():.1f} to {-correction_down_mm.min():.1f} mm"
+    )
     if np.isfinite(correction.height_per_metre):
         finding += f", {1e3 * correction.height_per_metre:+.3f} mm per metre above the base"
     finding += (
-        f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
+        f"; {too_few_satellites.sum()} epochs with too few satellites stay as they are"
+        if too_few_satellites.any()
+        else ""
     )
     source = "standard atmosphere" if air is None else "given atmosphere"
     ask = Question("GNSS wet delay", f"a correction from the {source}; the engine leaves it out")
@@ -96,15 +102,15 @@ def without_ionosphere(
             f" receivers at fixed positions up to {FAR_M / 1e3:.0f} km from the base"
         )
         return fixes, ask.note(reason, advice)
-    vertical, north, east, *local = correction.ionosphere.value.mean(axis=0)
-    north, east = north + local[0], east + local[1]
-    moved = 1e3 * correction.correction_ned[correction.correction_ned.any(axis=1)]
-    middle = ", ".join(f"{x:+.1f}" for x in np.median(moved, axis=0))
+    zenith_m, *gradients = correction.ionosphere.value.mean(axis=0)
+    north, east = gradients[0] + gradients[2], gradients[1] + gradients[3]
+    moved_mm = 1e3 * correction.correction_ned[correction.correction_ned.any(axis=1)]
+    median_ned = ", ".join(f"{x:+.1f}" for x in np.median(moved_mm, axis=0))
     finding = (
-        f"{vertical:.1f} m in zenith, {1e6 * north:+.1f} mm/km to the north, {1e6 * east:+.1f} to"
+        f"{zenith_m:.1f} m in zenith, {1e6 * north:+.1f} mm/km to the north, {1e6 * east:+.1f} to"
         " the east: "
     )
-    finding += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
+    finding += f"{len(moved_mm)} positions moved by {median_ned} mm north, east, down in the median"
     if correction.gain < LEAST_SHARE_REMOVED:
         sigma = 1e3 * float(np.median(correction.cov_ned[:, 2, 2]) ** 0.5)
         finding += (
@@ -116,14 +122,14 @@ def without_ionosphere(
 
 
 def _at_base(air: Atmosphere | Mapping[str, float] | None, base_ecef: Array) -> Atmosphere | None:
-    """The air at the base, of which a mapping has what is known."""
+    """Return the air at the base (3,), m, ECEF; a mapping completes the standard atmosphere."""
     if isinstance(air, Mapping):
         return standard_atmosphere(float(ecef_to_geodetic(base_ecef)[2]), **air)
     return air
 
 
 def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
-    """Fixes with a correction (n, 3) m and its covariance (n, 3, 3) added."""
+    """Add a correction (n, 3), m NED, and its covariance (n, 3, 3), m^2, to the fixes."""
     lat, lon, height = moved_geodetic(fixes.lat, fixes.lon, fixes.height, ned)
     return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + cov)
 
@@ -149,7 +155,8 @@ def with_velocity(
         )
         check = Question("GNSS velocity", "velocities").note(str(error), advice)
         return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
-    velocity[from_phase], cov[from_phase] = phase[from_phase], phase_cov[from_phase]
+    velocity[from_phase] = phase[from_phase]
+    cov[from_phase] = phase_cov[from_phase]
     sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[from_phase], axis1=1, axis2=2), axis=0))
     finding = (
         f"{from_phase.sum()} of {from_phase.size} epochs from phase, standard deviations"
@@ -165,14 +172,15 @@ def with_velocity(
 
 
 def _from_positions(fixes: GnssFixes) -> tuple[Array, Array]:
-    """Velocities (n, 3) m/s and covariances (n, 3, 3) from the positions beside each fix."""
+    """Return velocities (n, 3), m/s, and covariances (n, 3, 3) from each fix's neighbours."""
     n = fixes.time.size
-    before, after = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
-    interval = np.maximum(fixes.time[after] - fixes.time[before], SAME_EPOCH_S)
+    earlier = np.maximum(np.arange(n) - 1, 0)
+    later = np.minimum(np.arange(n) + 1, n - 1)
+    interval = np.maximum(fixes.time[later] - fixes.time[earlier], SAME_EPOCH_S)
     position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
     moved = np.einsum(
-        "nji,nj->ni", rotation_en(fixes.lat, fixes.lon), position[after] - position[before]
+        "nji,nj->ni", rotation_en(fixes.lat, fixes.lon), position[later] - position[earlier]
     )
-    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[:, None, None] ** 2
+    cov = (fixes.cov_ned[later] + fixes.cov_ned[earlier]) / interval[:, None, None] ** 2
     cov += BETWEEN_MPS**2 * np.eye(3)
     return moved / interval[:, None], cov

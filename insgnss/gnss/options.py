@@ -62,6 +62,7 @@ SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
 SYSTEM_BITS = {"G": 1, "R": 4, "E": 8, "J": 16, "C": 32}
 KINEMATIC_MODE = 2  # of RTKLIB's PMODE: a moving rover relative to a base
 DYNAMICS_KEY = "pos1-dynamics"
+EARTH_RADII_M = (6.3e6, 6.4e6)  # m, within which every place on the Earth is: 6357 to 6378 km
 RESTART_M = 30.0  # VAR_POS of RTKLIB's rtkpos.c
 # between epochs of the base, beyond which the clocks of satellites wander by millimetres meanwhile
 INTERPOLATED_S = 5.0
@@ -131,7 +132,7 @@ class EngineOptions(EngineSettings):
             )
             raise OptionError("gnss.base_position", message)
         radius = sum(x * x for x in self.base_position_m) ** 0.5
-        if not 6.3e6 < radius < 6.4e6:
+        if not EARTH_RADII_M[0] < radius < EARTH_RADII_M[1]:
             message = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
             raise OptionError("gnss.base_position", f"{message}; ECEF coordinates in m are needed")
 
@@ -149,8 +150,8 @@ def options_at(base_position: tuple[float, ...] | None, **settings: Any) -> Engi
     """
     if base_position is None:
         return EngineOptions(**settings)
-    item = declared(RawGnss)["base_position"]
-    lat, lon, height = accepted(item, base_position, "gnss.base_position")
+    option = declared(RawGnss)["base_position"]
+    lat, lon, height = accepted(option, base_position, "gnss.base_position")
     ecef = geodetic_to_ecef(math.radians(lat), math.radians(lon), height).tolist()
     settings["base_point"] = settings.get("base_point") or "apc"
     return EngineOptions(base_position_m=tuple(ecef), **settings)
@@ -188,9 +189,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     """
 
     _, point = base_position(options, base)
-    up, east, north = (
-        (float(x) for x in base.antenna_delta_m) if point == "marker" else (0.0, 0.0, 0.0)
-    )
+    up, east, north = map(float, base.antenna_delta_m) if point == "marker" else (0.0, 0.0, 0.0)
     lines = {
         "ant2-anttype": "",
         "ant2-antdele": f"{east:.4f}",

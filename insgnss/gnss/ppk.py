@@ -49,9 +49,7 @@ from .exposures.event_times import check_beside, check_camera_delay
 from .exposures.receiver_clock import to_gpst
 from .options import EngineOptions, base_position
 from .phase.signal_quality import signal_numbers, signals_of
-from .phase.troposphere import (
-    Atmosphere,
-)
+from .phase.troposphere import Atmosphere
 from .ppk_options import all_of
 from .quality.solution_quality import (
     EngineSolution,
@@ -210,39 +208,40 @@ def _quiet(_: str) -> None:
 def _solved_in(ppk_input: PpkInput, directory: Path, say: Progress) -> PpkResult:
     """Solve, and write the files into `directory`."""
     say("reading observations")
-    (of_rover,), (of_base,) = (
-        all_of(ppk_input.rover),
-        all_of(ppk_input.base),
-    )  # joined, where several
-    rover, base = read_observations(of_rover), read_observations(of_base)
+    # one file each: several have been joined
+    (rover_path,), (base_path,) = all_of(ppk_input.rover), all_of(ppk_input.base)
+    rover, base = read_observations(rover_path), read_observations(base_path)
     if ppk_input.navigation:
         navigation = read_navigation(ppk_input.navigation)
         rover, base = (within_navigation(observed, navigation) for observed in (rover, base))
     events, unasked = _events(ppk_input, rover)
     say("engine: forward and backward solutions")
     run = solve(
-        of_rover, of_base, ppk_input.navigation, ppk_input.options, directory, say, (rover, base)
+        *(rover_path, base_path, ppk_input.navigation, ppk_input.options),
+        *(directory, say, (rover, base)),
     )
     say("covariance and quality")
-    position, _ = base_position(ppk_input.options, base.header)
-    solved = _Solved.of(run, np.array(position), ppk_input.covariance)
+    base_ecef = np.array(base_position(ppk_input.options, base.header)[0])
+    solved = _Solved.of(run, base_ecef, ppk_input.covariance)
     base_point_check = check_base_point(ppk_input.options, base.header, ppk_input.base_point_chosen)
-    fixes, checks = solved.fixes, [*rover.notes, *base.notes, base_point_check, _codes(run)]
-    checks += [*check_rover_antenna(ppk_input.options, rover.header), *run.checks, *fixes.notes]
+    checks = [*rover.notes, *base.notes, base_point_check, _phase_codes(run)]
+    checks += check_rover_antenna(ppk_input.options, rover.header)
+    checks += [*run.checks, *solved.fixes.notes]
     if events is not None:
-        checks += _checks_of(events, ppk_input, rover, fixes)
-        events = _at_exposures(events, ppk_input, rover, fixes)
+        checks += _event_checks(events, ppk_input, rover, solved.fixes)
+        events = _at_exposures(events, ppk_input, rover, solved.fixes)
     sky = None
     if ppk_input.wet_delay or ppk_input.ionosphere:
-        sky = common_sky(rover, base, navigation, fixes, ppk_input.options)
+        sky = common_sky(rover, base, navigation, solved.fixes, ppk_input.options)
+    fixes = solved.fixes
     if sky is not None and ppk_input.wet_delay:
         say("wet delay")
-        fixes, check = without_wet_delay(fixes, sky, np.array(position), ppk_input.atmosphere)
+        fixes, check = without_wet_delay(fixes, sky, base_ecef, ppk_input.atmosphere)
         checks.append(check)
     if sky is not None and ppk_input.ionosphere:
         say("ionosphere")
         fixes, check = without_ionosphere(
-            *(fixes, (rover, base), navigation, sky, np.array(position)),
+            *(fixes, (rover, base), navigation, sky, base_ecef),
             *(ppk_input.options, ppk_input.atmosphere),
         )
         checks.append(check)
@@ -251,9 +250,8 @@ def _solved_in(ppk_input: PpkInput, directory: Path, say: Progress) -> PpkResult
         fixes, check = with_velocity(fixes, rover, navigation)
         checks.append(check)
     signals = signals_of(rover)
-    numbers = solved.numbers(ppk_input.covariance.gate, rover) | {
-        "signals": signal_numbers(signals)
-    }
+    numbers = solved.numbers(ppk_input.covariance.gate, rover)
+    numbers["signals"] = signal_numbers(signals)
     numbers["grade"] = grade(numbers, checks)
     summary, causes = verdict(numbers, checks)
     if MIXED_CODES in "".join(run.codes):
@@ -288,13 +286,13 @@ def _solve_joined(
     """Solve receivers of which several files are given, joined to one each, or their own logs."""
     logs: list[Finding] = []
     with scratch_directory(Path(gettempdir())) as scratch:
-        one_each = []
+        joined_files = []
         for files, name in ((ppk_input.rover, "rover"), (ppk_input.base, "base")):
             folder = scratch / name
             rinex = [converted(file, folder, ppk_input.navigation) for file in all_of(files)]
-            logs += [check for one in rinex for check in one.checks]
-            one_each.append(joined([one.path for one in rinex], folder / "joined"))
-        rover, base = one_each
+            logs += [check for file in rinex for check in file.checks]
+            joined_files.append(joined([file.path for file in rinex], folder / "joined"))
+        rover, base = joined_files
         result = solve_ppk(
             replace(ppk_input, rover=rover.path, base=base.path), directory, progress
         )
@@ -311,8 +309,8 @@ def _solve_joined(
     )
 
 
-def _codes(run: EngineRun) -> Finding:
-    """The codes that the engine had."""
+def _phase_codes(run: EngineRun) -> Finding:
+    """Return a finding that names the codes of the phases that the engine used."""
     finding = f"rover {run.codes[0]}; base {run.codes[1]}"
     several = "; where a satellite lacks one, the other is in its place" * (MIXED_CODES in finding)
     return Finding("GNSS codes", finding + several, "codes of the phases, one a band and satellite")
@@ -334,32 +332,29 @@ class _Solved:
 
     @classmethod
     def of(cls, run: EngineRun, base_ecef: Array, model: CovarianceModel) -> "_Solved":
+        """Calibrate the combined fixes by the separation of the runs; base_ecef (3,) is in m."""
         combined, forward, backward = (
             solution_of(run.rows[name]) for name in ("combined", "forward", "backward")
         )
-        # what degrades both runs does not part them, and one confirms the islands of the other
-        plain = replace(model, degraded_share=0.0, island_s=0.0)
-        alone = [
-            calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0]
+        # an obstruction degrades both runs alike, and each run confirms the islands of the other
+        run_model = replace(model, degraded_share=0.0, island_s=0.0)
+        run_fixes = [
+            calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, run_model)[0]
             for s in (forward, backward)
         ]
-        separation = forward_backward(combined.fixes.time, *alone)
+        separation = forward_backward(combined.fixes.time, *run_fixes)
         distance = base_distance(combined.fixes, base_ecef)
         fixes, kind = calibrate(combined.fixes, combined.satellites, distance, separation, model)
-        return cls(
-            combined,
-            fixes,
-            kind,
-            separation,
-            (distance, combined.fixes.height - ecef_to_geodetic(base_ecef)[2]),
-        )
+        from_base = distance, combined.fixes.height - ecef_to_geodetic(base_ecef)[2]
+        return cls(combined, fixes, kind, separation, from_base)
 
     def numbers(self, gate: float, rover: Observations) -> dict[str, Any]:
         """Figures of merit, of the solution and of the rover's epochs."""
         week = rover.gps_week if self.fixes.gps_week is None else self.fixes.gps_week
         solved, fixed = np.zeros((2, rover.time.size), dtype=np.bool_)
         epochs = epochs_of(self.fixes, rover)
-        solved[epochs], fixed[epochs] = True, np.isin(self.kind, VALIDATED)
+        solved[epochs] = True
+        fixed[epochs] = np.isin(self.kind, VALIDATED)
         numbers = solution_numbers(
             self.combined, self.fixes, self.kind, *self.from_base, self.separation, gate
         )
@@ -371,36 +366,36 @@ class _Solved:
 def _events(
     ppk_input: PpkInput, rover: Observations
 ) -> tuple[CameraEvents | None, tuple[Finding, ...]]:
-    """Camera events of the rover's file, by its clock, or of one of their own, and a note where
-    there are only such as nobody asks for.
+    """Return the camera events of the rover's file, by its clock, or of a file of their own.
 
-    Raises InputError where they are asked for and there is none.
+    The note names events that the rover's file holds although no option requests them. Raises
+    InputError where events are requested and the file has none.
     """
     check_delay(ppk_input.camera_delay_s)
     if ppk_input.events is False:
         return None, ()
     options = ppk_input.rover_events, ppk_input.match, ppk_input.camera_delay_s
-    plain = options == (RoverEvents(), ImageMatch(), 0.0)
+    by_default = options == (RoverEvents(), ImageMatch(), 0.0)
     if isinstance(ppk_input.events, Path):
         stamps = {"gps_week": rover.gps_week, "time_scale": ppk_input.time_scale}
         events = events_of(ppk_input.events, ppk_input.match.image_ending, **stamps)
         return named(events, ppk_input.match), ()
-    if ppk_input.events is None and plain:
+    if ppk_input.events is None and by_default:
         return unasked_events(rover)
     return named(camera_events(rover, ppk_input.rover_events), ppk_input.match), ()
 
 
-def _checks_of(
+def _event_checks(
     events: CameraEvents, ppk_input: PpkInput, rover: Observations, fixes: GnssFixes
 ) -> list[Finding]:
-    """Checks of events before their delay: whether a file's are the rover's, and the delay."""
+    """Return the checks of the delay, and of a file's events against those of the rover."""
     checks = [check_camera_delay(ppk_input.camera_delay_s)] if ppk_input.camera_delay_s else []
     if isinstance(ppk_input.events, Path) and rover.events.size:
         stamps = np.unique(rover.events)
         names = tuple(map(str, range(stamps.size)))
-        all_events = CameraEvents(names, stamps, rover.gps_week, str(ppk_input.rover))
-        beside = check_beside(events, to_gpst(all_events, rover, fixes), rover.gps_week)
-        checks += [] if beside is None else [beside]
+        rover_events = CameraEvents(names, stamps, rover.gps_week, str(ppk_input.rover))
+        comparison = check_beside(events, to_gpst(rover_events, rover, fixes), rover.gps_week)
+        checks += [] if comparison is None else [comparison]
     return checks
 
 

@@ -70,6 +70,7 @@ TARGETS = "01_Observations/Camera/GCPs"
 CHUNK_ROWS = 50_000  # rows of the IMU that are written at once
 SIMULATED = 0.7  # of the time that a data set takes; the rest writes it
 _TARGETS = 40  # ground points of a data set without a block (chosen)
+_TARGET_SPREAD = 0.12  # of targets about the path, over the height above ground: within the images
 _RELIEF_M = 2.0  # standard deviation of their heights (chosen)
 
 
@@ -126,7 +127,7 @@ def write_dataset(
         has no exposure.
     InputError : a unit does not exist or is of another dimension.
     """
-    target = _target(directory)
+    target = _vacant_directory(directory)
     units = Units.of(quantity, gyro_unit, accel_unit)
     imu = ImuOptions(
         imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults(), vibration=vibration
@@ -174,7 +175,7 @@ def write_simulated(
         Where the directory is not empty or cannot be written, the flight has no exposure, or a
         block is asked of what is no survey flight.
     """
-    target = _target(directory)
+    target = _vacant_directory(directory)
     if not simulated.events.images:
         raise UsageError("no exposure in this flight; ask for more minutes, or start in the air")
     units = units or Units.of(simulated.imu_options.quantity, None, None)
@@ -189,7 +190,8 @@ def write_simulated(
     return Dataset(target, target / "flight.toml", simulated, simulated_block)
 
 
-def _target(directory: str | os.PathLike[str]) -> Path:
+def _vacant_directory(directory: str | os.PathLike[str]) -> Path:
+    """Return the resolved path; UsageError where it exists and is not an empty directory."""
     target = Path(directory).resolve()
     if not is_vacant(target):
         raise UsageError(f"{target}: exists and is not an empty directory; give another one")
@@ -204,13 +206,14 @@ def _write_tree(
     flight_file: Tables,
     block: SimulatedBlock | None,
 ) -> None:
+    """Write all files of the data set into the empty directory `root`."""
     for folder in (Path(EVENTS_FILE).parent, TARGETS, IMU_DIRECTORY, PPK, "truth"):
         (root / folder).mkdir(parents=True, exist_ok=True)
     write_events(simulated.events, root / EVENTS_FILE)
     _write_imu(root / imu_file(simulated), simulated.imu, units)
     write_gnss_text(simulated.gnss, root / FIXES)
     _write_antenna_at_images(root / PPK, simulated, rng)
-    targets = _targets(simulated, rng)
+    targets = _draw_targets(simulated, rng)
     if block is not None:
         targets = list(block.ground.points), block.ground.position_m
         _write_block(root, block)
@@ -218,7 +221,7 @@ def _write_tree(
     _write_truth(root / "truth", simulated)
     if simulated.raw_gnss is not None:
         _write_raw_gnss(root, RinexNames.of(simulated), simulated.raw_gnss)
-    tables = true_tables(simulated, units, _noise_name(root, simulated.imu_options.noise))
+    tables = true_tables(simulated, units, _name_in_flight_file(root, simulated.imu_options.noise))
     if simulated.second_imu is not None:
         recorded, second_samples = simulated.second_imu
         _write_imu(
@@ -226,23 +229,19 @@ def _write_tree(
             recorded.samples,
             Units.of(second_samples.options.quantity, None, None),
         )
-    texts = {
-        "flight.toml": flight_toml(tables, flight_file),
-        "README.md": readme(simulated, block is not None),
-        "FLIGHT.md": flight_md(simulated, block),
-    }
-    for name, text in texts.items():
-        _write_text(root / name, text)
+    _write_text(root / "flight.toml", flight_toml(tables, flight_file))
+    _write_text(root / "README.md", readme(simulated, block is not None))
+    _write_text(root / "FLIGHT.md", flight_md(simulated, block))
 
 
 def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _write_rows(path: Path, head: str, form: str, names: Iterable[str], table: Array) -> None:
-    """Write a head and a row of each name and its numbers."""
-    rows = (form % (name, *row) for name, row in zip(names, table.tolist(), strict=True))
-    _write_text(path, head + "".join(rows))
+def _write_rows(path: Path, header: str, template: str, names: Iterable[str], table: Array) -> None:
+    """Write a header, and by a `%` template a row of each name and its numbers (n, columns)."""
+    rows = (template % (name, *row) for name, row in zip(names, table.tolist(), strict=True))
+    _write_text(path, header + "".join(rows))
 
 
 def _write_imu(path: Path, samples: ImuSamples, units: Units) -> None:
@@ -251,12 +250,13 @@ def _write_imu(path: Path, samples: ImuSamples, units: Units) -> None:
 
 
 def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
+    """Yield the header and the rows of an IMU file in its units."""
     columns = [f"g{c}[{units.gyro}]" for c in "xyz"] + [f"a{c}[{units.accel}]" for c in "xyz"]
     yield ",".join(["tow[s]", *columns]) + "\n"
     row = units.row()
     table = np.column_stack([imu.time, imu.gyro / units.gyro_si, imu.accel / units.accel_si])
-    for first in through(range(0, len(table), CHUNK_ROWS)):
-        yield from format_rows(row, table[first : first + CHUNK_ROWS])
+    for start in through(range(0, len(table), CHUNK_ROWS)):
+        yield from format_rows(row, table[start : start + CHUNK_ROWS])
 
 
 def _write_raw_gnss(root: Path, names: RinexNames, raw: SimulatedGnss) -> None:
@@ -268,22 +268,23 @@ def _write_raw_gnss(root: Path, names: RinexNames, raw: SimulatedGnss) -> None:
     base = Station(
         "master", tuple(raw.base_position_m.tolist()), interval_s=1.0 / raw.options.base_rate_hz
     )
-    write_observations(root / names.rover, rover, _table(raw.rover, raw.events))
-    write_observations(root / names.base, base, _table(raw.base, np.empty(0)))
+    write_observations(root / names.rover, rover, _observation_table(raw.rover, raw.events))
+    write_observations(root / names.base, base, _observation_table(raw.base, np.empty(0)))
     write_navigation(root / names.gps, root / names.glonass, raw.navigation)
     moved = {"rover_position": raw.rover.position, "rover_velocity": raw.rover.velocity}
     truth: dict[str, Any] = {"base_position": raw.base_position_m, "events_by_receiver": raw.events}
     truth |= moved
-    of_slips = ("stamp", "satellite", "cycles", "reported")
+    slip_fields = ("stamp", "satellite", "cycles", "reported")
     for name in ("rover", "base"):
-        receiver, slips = getattr(raw, name), getattr(raw, f"{name}_slips")
+        receiver = getattr(raw, name)
+        slips = getattr(raw, f"{name}_slips")
         truth |= {f"{name}_{key}": getattr(receiver, key) for key in ("time", "stamp", "clock_s")}
-        truth |= {f"{name}_slip_{key}": getattr(slips, key) for key in of_slips}
+        truth |= {f"{name}_slip_{key}": getattr(slips, key) for key in slip_fields}
     np.savez(root / "truth/raw_gnss.npz", allow_pickle=False, **truth)
 
 
-def _table(observed: RawObservations, events: Array) -> ObservationTable:
-    """What a receiver observed, as a RINEX file has it: loss of lock beside the phases."""
+def _observation_table(observed: RawObservations, events: Array) -> ObservationTable:
+    """Return the observations as a RINEX file has them: loss of lock beside the phases."""
     lock = np.zeros(observed.values.shape, dtype=np.int8)
     lock[:, [SIGNALS.index(name) for name in ("L1", "L2")]] = observed.loss_of_lock
     rows = (observed.epoch, observed.satellite, SIGNALS, observed.values, lock)
@@ -293,8 +294,9 @@ def _table(observed: RawObservations, events: Array) -> ObservationTable:
 def _write_antenna_at_images(
     folder: Path, simulated: SimulatedFlight, rng: np.random.Generator
 ) -> None:
-    """Antenna at the events with the white error of the fixes, in both frames."""
-    motion, plane = simulated.flight.motion, simulated.tangent_plane
+    """Write the antenna at the events, with the white error of the fixes, in both frames."""
+    motion = simulated.flight.motion
+    plane = simulated.tangent_plane
     position, _ = antenna_states(motion, simulated.rig.antenna_lever_b, simulated.events.time)
     error = rng.standard_normal(position.shape) * simulated.gnss_options.sigma_m
     lat, lon, height = motion.frame.geodetic_from_position(
@@ -309,26 +311,28 @@ def _write_antenna_at_images(
     write_image_positions(enu, folder / "AntennaPos_Img_WGS84_tangentplane.txt")
 
 
-def _targets(simulated: SimulatedFlight, rng: np.random.Generator) -> tuple[list[str], Array]:
-    """Names and positions of targets under the exposures, on a ground of little relief."""
-    flight, plane = simulated.flight, simulated.tangent_plane
+def _draw_targets(simulated: SimulatedFlight, rng: np.random.Generator) -> tuple[list[str], Array]:
+    """Return names and positions (n, 3), m ENU, of targets under the exposures, of low relief."""
+    flight = simulated.flight
     position = flight.motion.position(flight.time)[
         np.linspace(0, flight.time.size - 1, _TARGETS).round().astype(int)
     ]
-    position[:, :2] += 0.12 * -position[:, 2:] * rng.standard_normal((_TARGETS, 2))
+    position[:, :2] += _TARGET_SPREAD * -position[:, 2:] * rng.standard_normal((_TARGETS, 2))
     position[:, 2] = _RELIEF_M * rng.standard_normal(_TARGETS)
     geodetic = flight.motion.frame.geodetic_from_position(position)
-    return [str(k + 1) for k in range(_TARGETS)], plane.position_from_geodetic(*geodetic)
+    return [str(k + 1) for k in range(_TARGETS)], simulated.tangent_plane.position_from_geodetic(
+        *geodetic
+    )
 
 
 def _write_targets(folder: Path, simulated: SimulatedFlight, names: list[str], enu: Array) -> None:
     """Write ground targets in both frames."""
     lat, lon, height = simulated.tangent_plane.geodetic_from_position(enu)
     wgs84 = np.column_stack([np.degrees(lat), np.degrees(lon), height])
-    head, form = "# id lat[deg] lon[deg] h[m]\n", "%s %.10f %.10f %.4f\n"
-    _write_rows(folder / "WGS84.txt", head, form, names, wgs84)
-    head, form = "# id e[m] n[m] u[m]\n", "%s %.4f %.4f %.4f\n"
-    _write_rows(folder / "WGS84_tangentplane.txt", head, form, names, enu)
+    header = "# id lat[deg] lon[deg] h[m]\n"
+    _write_rows(folder / "WGS84.txt", header, "%s %.10f %.10f %.4f\n", names, wgs84)
+    header = "# id e[m] n[m] u[m]\n"
+    _write_rows(folder / "WGS84_tangentplane.txt", header, "%s %.4f %.4f %.4f\n", names, enu)
 
 
 def _write_block(root: Path, block: SimulatedBlock) -> None:
@@ -354,17 +358,20 @@ def _write_block(root: Path, block: SimulatedBlock) -> None:
 
 
 def _write_truth(folder: Path, simulated: SimulatedFlight) -> None:
-    truth, eo, path = simulated.truth, simulated.truth.eo, simulated.truth.trajectory
+    """Write the true exterior orientation, trajectory, biases and outliers."""
+    truth = simulated.truth
+    eo = truth.eo
+    path = truth.trajectory
     angles = np.degrees(opk_from_rotation(eo.C_mc @ CV_RUB))
-    head = (
+    header = (
         "# truth of a simulation: projection centre in the tangent plane (east north up), origin"
         f" {np.degrees(eo.origin[0]):.10f} {np.degrees(eo.origin[1]):.10f} deg {eo.origin[2]:.4f}"
         " m; R = Rx(omega) Ry(phi) Rz(kappa)\n# image E[m] N[m] U[m] omega[deg] phi[deg]"
         " kappa[deg] sE sN sU sOmega sPhi sKappa\n"
     )
-    form = "%s %.4f %.4f %.4f %.6f %.6f %.6f 0 0 0 0 0 0\n"
+    template = "%s %.4f %.4f %.4f %.6f %.6f %.6f 0 0 0 0 0 0\n"
     table = np.hstack([eo.position_m, angles])
-    _write_rows(folder / "EO_local-plane.txt", head, form, eo.images, table)
+    _write_rows(folder / "EO_local-plane.txt", header, template, eo.images, table)
     np.savez(
         folder / "eo.npz",
         images=np.array(eo.images),
@@ -387,8 +394,8 @@ def _write_truth(folder: Path, simulated: SimulatedFlight) -> None:
     )
 
 
-def _noise_name(root: Path, noise: str | NoiseModel | None) -> str:
-    """What the flight file calls the noise model: a shipped name, or the file that is written here.
+def _name_in_flight_file(root: Path, noise: str | NoiseModel | None) -> str:
+    """Return the name of the noise model in the flight file: a shipped one, or the file it writes.
 
     An ideal sensor is called navchip.
     """

@@ -27,6 +27,10 @@ RINEX = "01_Observations/GPS/Data"
 BLOCK_FOLDER = "01_Observations/Camera/Block"
 
 
+# decimals of readings in SI units: 1e-9 rad/s and 1e-8 m/s^2, below the noise of any sensor
+_GYRO_DIGITS, _ACCEL_DIGITS = 9, 8
+
+
 @dataclass(frozen=True)
 class Units:
     """Units of the IMU file and their factors to SI."""
@@ -48,7 +52,8 @@ class Units:
         """
         increments = quantity == "increments"
         gyro_si, accel_si = ("rad", "m/s") if increments else ("rad/s", "m/s^2")
-        gyro, accel = gyro or gyro_si, accel or accel_si
+        gyro = gyro or gyro_si
+        accel = accel or accel_si
         factors = parse_quantity(f"1 {gyro}", gyro_si), parse_quantity(f"1 {accel}", accel_si)
         return cls(gyro, accel, *factors, 3 if increments else 0)
 
@@ -57,8 +62,8 @@ class Units:
 
         Its step is 1e-9 rad/s and 1e-8 m/s^2 or less (1e-12 rad and 1e-11 m/s of increments).
         """
-        gyro = max(0, int(np.ceil(9 + self.more_digits + np.log10(self.gyro_si))))
-        accel = max(0, int(np.ceil(8 + self.more_digits + np.log10(self.accel_si))))
+        gyro = max(0, int(np.ceil(_GYRO_DIGITS + self.more_digits + np.log10(self.gyro_si))))
+        accel = max(0, int(np.ceil(_ACCEL_DIGITS + self.more_digits + np.log10(self.accel_si))))
         return "%.7f" + f",%.{gyro}f" * 3 + f",%.{accel}f" * 3 + "\n"
 
 
@@ -94,11 +99,12 @@ class RinexNames:
 
 
 def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
-    """Table [gnss]: the RINEX files where there are some, else the positions.
+    """Return the table [gnss]: the RINEX files where there are some, else the positions.
 
     Position and weather of the base come with the RINEX files.
     """
-    if (raw := simulated.raw_gnss) is None:
+    raw = simulated.raw_gnss
+    if raw is None:
         return {"file": FIXES}
     names = RinexNames.of(simulated)
     lat, lon, height = ecef_to_geodetic(raw.base_position_m)
@@ -113,8 +119,10 @@ def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
 
 
 def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[str, Any]:
-    """The flight file's keys and values, as the simulation has them."""
-    options, rig, plane = simulated.imu_options, simulated.rig, simulated.tangent_plane
+    """Return the flight file's keys and values, as the simulation has them."""
+    options = simulated.imu_options
+    rig = simulated.rig
+    plane = simulated.tangent_plane
     return {
         "name": simulated.flight.name,
         "gps_week": simulated.flight.gps_week,
@@ -146,24 +154,24 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
 
 
 def flight_toml(tables: Tables, changes: Tables) -> str:
-    """TOML of tables.
+    """Return the text of a TOML file of tables.
 
     `changes` replace single values or bring further ones, None takes a value away.
     """
     merged = dict(tables)
     for key, value in changes.items():
         merged[key] = {**merged.get(key, {}), **value} if isinstance(value, Mapping) else value
-    top = [
+    values = [
         f"{key} = {toml(value)}"
         for key, value in merged.items()
         if not isinstance(value, Mapping) and value is not None
     ]
-    parts = ["\n".join(top)]
+    sections = ["\n".join(values)]
     for name, table in merged.items():
         if isinstance(table, Mapping):
             rows = [f"{key} = {toml(value)}" for key, value in table.items() if value is not None]
-            parts.append("\n".join([f"[{name}]", *rows]))
-    return "\n\n".join(parts) + "\n"
+            sections.append("\n".join([f"[{name}]", *rows]))
+    return "\n\n".join(sections) + "\n"
 
 
 _README = """\
@@ -218,29 +226,32 @@ directory = "02_Processed/Adjustment"
 
 
 def readme(simulated: SimulatedFlight, with_block: bool = False) -> str:
-    """README.md of the data set."""
+    """Return the text of README.md of the data set."""
     files = _BLOCK if with_block else ""
-    more = (
-        ";\n  the true camera; of the block all points, pixels without error and which have a gross"
-        "\n  error, rows as in `image_points.csv`"
-        if with_block
-        else ""
-    )
+    truth_of_block = ""
+    if with_block:
+        truth_of_block = (
+            ";\n  the true camera; of the block all points, pixels without error and which have a"
+            " gross\n  error, rows as in `image_points.csv`"
+        )
     if simulated.raw_gnss is None:
         absent = "Images, RINEX and raw IMU files"
-        return _README.format(absent=absent, more_files=files, own="", more=more)
+        return _README.format(absent=absent, more_files=files, own="", more=truth_of_block)
     fix_errors = (
         ", with errors of their own, not\n  those of the RINEX files, which `flight.toml` names in"
         " their place"
     )
-    more += ";\n  antenna (ECEF), clocks and cycle slips of the receivers"
+    truth_of_block += ";\n  antenna (ECEF), clocks and cycle slips of the receivers"
     absent = "Images, a virtual reference station and raw IMU files"
-    return _README.format(absent=absent, more_files=files + _RAW, own=fix_errors, more=more)
+    return _README.format(
+        absent=absent, more_files=files + _RAW, own=fix_errors, more=truth_of_block
+    )
 
 
 def flight_md(simulated: SimulatedFlight, block: SimulatedBlock | None = None) -> str:
-    """FLIGHT.md of the data set."""
-    flight, plan = simulated.flight, simulated.flight.plan
+    """Return the text of FLIGHT.md of the data set."""
+    flight = simulated.flight
+    plan = flight.plan
     lines = [
         f"# {flight.name} (simulated)",
         "",
@@ -273,7 +284,8 @@ def flight_md(simulated: SimulatedFlight, block: SimulatedBlock | None = None) -
         f"- IMU {simulated.imu_options.rate_hz:g} Hz, GNSS {simulated.gnss_options.rate_hz:g} Hz"
         f" ({simulated.gnss.time.size} fixes)"
     )
-    if (raw := simulated.raw_gnss) is not None:
+    raw = simulated.raw_gnss
+    if raw is not None:
         rates = f"rover {raw.options.rate_hz:g} Hz, master {raw.options.base_rate_hz:g} Hz"
         distance = np.linalg.norm(raw.rover.position - raw.base_position_m, axis=1)
         lines.append(
@@ -285,8 +297,10 @@ def flight_md(simulated: SimulatedFlight, block: SimulatedBlock | None = None) -
 
 
 def _block_lines(block: SimulatedBlock) -> list[str]:
-    """What was measured in the images, in figures."""
-    options, observations, check = block.options, block.measured.observations, block.ground.check
+    """Return the lines of FLIGHT.md on what was measured in the images."""
+    options = block.options
+    observations = block.measured.observations
+    check = block.ground.check
     ties = len(block.measured.points) - check.size
     east, north, up = (1e3 * sigma for sigma in options.ground_sigma_m)
     camera = options.true_camera

@@ -131,47 +131,52 @@ class ImuFaults:
         table = np.hstack([ideal.gyro, ideal.accel])
         shaken, dropped = rng.spawn(2)
         if self.vibration is not None:
-            table += _shake(self.vibration, elapsed, ideal.quantity, shaken)
+            table += _vibration_readings(self.vibration, elapsed, ideal.quantity, shaken)
         for stuck in self.stuck:
             _freeze(table[:, FAULT_CHANNELS.index(stuck.channel)], elapsed, stuck)
         if self.reversed_accel:
             table[:, 3:] *= -1.0
-        keep = self._kept(elapsed, dropped)
+        keep = self._samples_outside_gaps(elapsed, dropped)
         if keep.sum() < 2:
             raise UsageError(f"IMU gaps {self.gaps} leave {keep.sum()} samples; shorten them")
         time = ideal.time[keep] + self.clock_offset_s
         return replace(ideal, time=time, gyro=table[keep, :3], accel=table[keep, 3:])
 
-    def _kept(self, elapsed: Array, rng: np.random.Generator) -> NDArray[np.bool_]:
+    def _samples_outside_gaps(self, elapsed: Array, rng: np.random.Generator) -> NDArray[np.bool_]:
+        """Return which samples at `elapsed` (n,), s, no gap takes away."""
         keep = np.ones(elapsed.size, dtype=bool)
         length = rng.uniform(*self.random_gap_s, self.random_gaps)
         start = rng.uniform(0.0, 1.0, self.random_gaps) * (elapsed[-1] - length)
-        for first, size in (*self.gaps, *zip(start, length, strict=True)):
-            keep &= ~in_period(elapsed, first, size)
+        for gap_start, gap_s in (*self.gaps, *zip(start, length, strict=True)):
+            keep &= ~in_period(elapsed, gap_start, gap_s)
         return keep
 
 
-def _shake(
+def _vibration_readings(
     vibration: Vibration, elapsed: Array, quantity: Quantity, rng: np.random.Generator
 ) -> Array:
-    """(n, 6) readings of the vibration (V.1)."""
+    """Return readings (n, 6) of the vibration (V.1) at `elapsed` (n,), s: gyro, accelerometer."""
     dt = float(np.median(np.diff(elapsed)))
-    wander = simulate_noise(AxisNoise(gauss_markov=(_FREQUENCY_WANDER,)), elapsed.size, dt, rng)
-    step = 2.0 * np.pi * vibration.frequency_hz * (1.0 + wander) * dt
+    frequency_error = simulate_noise(
+        AxisNoise(gauss_markov=(_FREQUENCY_WANDER,)), elapsed.size, dt, rng
+    )
+    step = 2.0 * np.pi * vibration.frequency_hz * (1.0 + frequency_error) * dt
     amplitude = np.repeat([vibration.gyro_rad_s, vibration.accel_ms2], 3) * rng.uniform(0.5, 1.0, 6)
     theta = np.cumsum(step)[:, None] + rng.uniform(0.0, 2.0 * np.pi, 6)
     if quantity == "instant_rate":
-        line = amplitude * np.sin(theta)
+        readings = amplitude * np.sin(theta)
     else:
-        line = amplitude * (np.cos(theta - step[:, None]) - np.cos(theta)) / step[:, None]
-    on = in_period(elapsed, vibration.start_s, vibration.duration_s)
-    return np.where(on[:, None], line * (dt if quantity == "increments" else 1.0), 0.0)
+        readings = amplitude * (np.cos(theta - step[:, None]) - np.cos(theta)) / step[:, None]
+    shaking = in_period(elapsed, vibration.start_s, vibration.duration_s)
+    return np.where(shaking[:, None], readings * (dt if quantity == "increments" else 1.0), 0.0)
 
 
 def _freeze(column: Array, elapsed: Array, stuck: Stuck) -> None:
-    on = in_period(elapsed, stuck.start_s, stuck.duration_s)
-    if on.any():
-        column[on] = column[max(int(np.argmax(on)) - 1, 0)] if stuck.value is None else stuck.value
+    is_stuck = in_period(elapsed, stuck.start_s, stuck.duration_s)
+    if is_stuck.any():
+        column[is_stuck] = (
+            column[max(int(np.argmax(is_stuck)) - 1, 0)] if stuck.value is None else stuck.value
+        )
 
 
 @dataclass(frozen=True)
@@ -209,21 +214,23 @@ class RowFaults:
         Its header (`#`, or letters) stays in place.
         """
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-        head = next(k for k, line in enumerate(lines) if line[:1].isdigit())
-        rows = np.array(lines[head:], dtype=object)
+        header_lines = next(k for k, line in enumerate(lines) if line[:1].isdigit())
+        rows = np.array(lines[header_lines:], dtype=object)
         delayed = np.flatnonzero(rng.random(rows.size) < self.delayed)
         for k, delay in zip(delayed, rng.uniform(0.0, self.delay_s, delayed.size), strict=True):
-            rows[k] = _stamped(rows[k], delay)
+            rows[k] = _delayed_row(rows[k], delay)
         sort_key = np.arange(rows.size) + (rng.random(rows.size) < self.reordered) * (
             0.5 + rng.integers(1, self.reach + 1, rows.size)
         )
         order = np.argsort(sort_key, kind="stable")
         order = np.repeat(order, 1 + (rng.random(rows.size) < self.duplicated))
-        path.write_text("".join([*lines[:head], *rows[order]]), encoding="utf-8", newline="\n")
+        path.write_text(
+            "".join([*lines[:header_lines], *rows[order]]), encoding="utf-8", newline="\n"
+        )
 
 
-def _stamped(row: str, delay: float) -> str:
-    """The row with its first field later by `delay`, in as many digits."""
+def _delayed_row(row: str, delay: float) -> str:
+    """Return the row with its first field, s, later by `delay`, in as many digits."""
     width = next(k for k, c in enumerate(row) if not (c.isdigit() or c == "."))
     digits = len(row[:width].partition(".")[2])
     return f"{float(row[:width]) + delay:.{digits}f}{row[width:]}"

@@ -72,6 +72,12 @@ class FlightMotion:
     gps_week: int = GPS_WEEK
 
 
+DEGREE = 5  # of the spline of a motion, and control points beyond its pieces
+ROUNDING = 1e-6  # of a count or a length (m): less is rounding and makes no knot or exposure
+OFF_SAMPLES_S = 0.00317  # of exposures: no sensor has a sample at such a stamp
+FIRST_IMAGE = 1001  # number of the first image, as the paper's
+
+
 def fly(
     plan: FlightPlan,
     seed: int | np.random.SeedSequence = 0,
@@ -96,15 +102,15 @@ def fly(
     source = np.random.SeedSequence(seed) if isinstance(seed, int) else seed
     gusts, trigger = (np.random.default_rng(child) for child in source.spawn(2))
     layout = lay_out(plan)
-    pieces = int(np.ceil(layout.duration_s / MOTION_KNOT_S - 1e-6))
-    reach = round(SETTLE_S / MOTION_KNOT_S)
+    knots = int(np.ceil(layout.duration_s / MOTION_KNOT_S - ROUNDING))
+    margin = round(SETTLE_S / MOTION_KNOT_S)
     # of the control points and beyond both ends
-    clock = (np.arange(-reach, pieces + 5 + reach) - 2.0) * MOTION_KNOT_S
+    clock = (np.arange(-margin, knots + DEGREE + margin) - 2.0) * MOTION_KNOT_S
     control = _control_points(
         layout.path, np.interp(clock + layout.clock_offset_s, layout.time, layout.s), plan, gusts
     )
-    motion = ExactMotion(frame, start_tow, MOTION_KNOT_S, control[reach : reach + pieces + 5])
-    time, line, spacing = _exposures(
+    motion = ExactMotion(frame, start_tow, MOTION_KNOT_S, control[margin : margin + knots + DEGREE])
+    time, line, spacing = _exposure_times(
         layout.path,
         layout.s,
         layout.time - layout.clock_offset_s,
@@ -122,10 +128,9 @@ def flight_along(motion: ExactMotion, name: str, every_s: float) -> FlightMotion
     """Return any motion as a flight, exposed every `every_s` s, a second or more from both ends."""
     if not every_s > 0.0:
         raise UsageError(f"an exposure every {every_s} s; the interval must be positive")
-    # off the samples of any sensor
-    time = np.arange(motion.start + 1.0, motion.end - 1.0, every_s) + 0.00317
+    time = np.arange(motion.start + 1.0, motion.end - 1.0, every_s) + OFF_SAMPLES_S
     spacing = every_s * np.linalg.norm(motion.velocity(time), axis=1)
-    images = tuple(f"{1001 + k}.tif" for k in range(time.size))
+    images = tuple(f"{FIRST_IMAGE + k}.tif" for k in range(time.size))
     return FlightMotion(
         name=name,
         plan=None,
@@ -142,11 +147,11 @@ def flight_along(motion: ExactMotion, name: str, every_s: float) -> FlightMotion
 def _control_points(
     path: SegmentPath, s: Array, plan: FlightPlan, rng: np.random.Generator
 ) -> Array:
-    """(n, 6) control points of position and attitude at path lengths `s`, m, one a knot."""
+    """Return control points (n, 6) of position, m, and attitude, rad, at lengths `s` (n,), m."""
     from scipy.ndimage import gaussian_filter1d
 
     position, course = path.pose_at(s)
-    ahead = np.stack([np.cos(course), np.sin(course), np.zeros_like(course)], axis=-1)
+    forward = np.stack([np.cos(course), np.sin(course), np.zeros_like(course)], axis=-1)
     airborne = _smoothstep(np.gradient(s, MOTION_KNOT_S) / _FLYING_MS) * _smoothstep(
         -position[:, 2] / _FREE_M
     )
@@ -154,19 +159,19 @@ def _control_points(
         gusts(bands, s.size, rng) * airborne * plan.turbulence
         for bands in (_LATERAL_M, _HEIGHT_M, _ROLL, _PITCH, _YAW)
     ]
-    position[:, 0] -= ahead[:, 1] * gust[0]
-    position[:, 1] += ahead[:, 0] * gust[0]
+    position[:, 0] -= forward[:, 1] * gust[0]
+    position[:, 1] += forward[:, 0] * gust[0]
     position[:, 2] -= gust[1]
     base = position[0].copy()
     position = base + gaussian_filter1d(
         position - base, ONSET_S / MOTION_KNOT_S, axis=0, mode="nearest"
     )
-    angles = coordinated(position, ahead, plan.wind_l)
+    angles = coordinated(position, forward, plan.wind_l)
     return np.hstack([position, angles + np.radians(np.stack(gust[2:], axis=-1))])
 
 
 def coordinated(position: Array, ahead: Array, wind: Array) -> Array:
-    """(n, 3) roll, pitch, unwrapped yaw (F.1, F.2) of positions a knot apart.
+    """Return roll, pitch, unwrapped yaw (n, 3), rad (F.1, F.2), of positions (n, 3), m, at knots.
 
     Parameters
     ----------
@@ -177,15 +182,17 @@ def coordinated(position: Array, ahead: Array, wind: Array) -> Array:
     airborne = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
     air = velocity + (1.0 - airborne) * ahead - airborne * wind
     level = np.hypot(air[:, 0], air[:, 1])
-    right = (-air[:, 1] * force[:, 0] + air[:, 0] * force[:, 1]) / level
-    roll = np.arctan2(right, -force[:, 2])
-    pitch = np.arctan2(-air[:, 2], level) + _ATTACK * np.hypot(right, force[:, 2]) / TURN_GRAVITY
+    side_force = (-air[:, 1] * force[:, 0] + air[:, 0] * force[:, 1]) / level
+    roll = np.arctan2(side_force, -force[:, 2])
+    pitch = (
+        np.arctan2(-air[:, 2], level) + _ATTACK * np.hypot(side_force, force[:, 2]) / TURN_GRAVITY
+    )
     tilt = _STANDING + airborne * (np.stack([roll, pitch], axis=-1) - _STANDING)
     return np.column_stack([tilt, np.unwrap(np.arctan2(air[:, 1], air[:, 0]))])
 
 
 def gusts(bands: tuple[tuple[float, float], ...], n: int, rng: np.random.Generator) -> Array:
-    """(n,) sum of white noises smoothed by Gaussians; (standard deviation, width in s) of each."""
+    """Return a sum (n,) of white noises smoothed by Gaussians, of (sigma, width in s) each."""
     from scipy.ndimage import gaussian_filter1d
 
     total = np.zeros(n)
@@ -201,7 +208,7 @@ def _smoothstep(x: Array) -> Array:
     return x * x * (3.0 - 2.0 * x)
 
 
-def _exposures(
+def _exposure_times(
     path: SegmentPath,
     s: Array,
     clock: Array,
@@ -209,24 +216,23 @@ def _exposures(
     duration: float,
     rng: np.random.Generator,
 ) -> tuple[Array, NDArray[np.int64], Array]:
-    """Times (s from the start), line numbers and planned spacings (m) of the record's exposures."""
-    where, line, spacing = [], [], []
+    """Return times (m,), s from the start, line numbers (m,) and planned spacings (m,), m."""
+    path_lengths, line, spacing = [], [], []
     for i in np.flatnonzero(path.line > 0):
         base = plan.camera.base(path.height0[i], plan.forward_overlap)
-        marks = np.arange(
-            path.s0[i] + plan.lead_m, path.s0[i] + path.length[i] - plan.lead_m + 1e-6, base
-        )
-        where.append(marks)
+        end = path.s0[i] + path.length[i] - plan.lead_m + ROUNDING
+        marks = np.arange(path.s0[i] + plan.lead_m, end, base)
+        path_lengths.append(marks)
         line.append(np.full(marks.size, path.line[i]))
         spacing.append(np.full(marks.size, base))
-    time = np.interp(np.concatenate(where), s, clock)
+    time = np.interp(np.concatenate(path_lengths), s, clock)
     time += rng.uniform(0.0, plan.trigger_delay_s, time.size)
     keep = (time > 0.0) & (time < duration)
-    time, number, base_m = time[keep], np.concatenate(line)[keep], np.concatenate(spacing)[keep]
+    time = time[keep]
     if time.size > 1 and np.diff(time).min() < plan.camera.min_interval_s:
         k = int(np.argmin(np.diff(time)))
         raise UsageError(
             f"exposures {k + 1} and {k + 2} are {time[k + 1] - time[k]:.2f} s apart, the camera"
             f" needs {plan.camera.min_interval_s} s; lower the overlap or the speed, or fly higher"
         )
-    return time, number, base_m
+    return time, np.concatenate(line)[keep], np.concatenate(spacing)[keep]

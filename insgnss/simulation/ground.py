@@ -56,6 +56,20 @@ CAR = Gait(12.0, 1.5, 2.5, (60.0, 250.0), (8.0, 20.0))  # in a town (chosen)
 WALKER = Gait(1.35, 0.8, 1.0, (10.0, 40.0), (0.8, 3.0))  # a person who carries the rig (chosen)
 
 
+_RIG_HEIGHT_M = 1.5  # of the rig above the ground: a car's roof, a person's hand
+_SLOPE = 0.02  # largest of a road, m/m (chosen)
+_HALT_SHARE = 0.8  # of a straight that is travelled before a halt: at its end, before the bend
+_MOVING_MS = 0.2  # speed above which the rig moves: below any gait, above the rounding of knots
+_BODY_ROLL, _BODY_ROLL_S = 0.01, 2.0  # rad, and s: how a car's body rolls on its springs (chosen)
+_STEP_PAIRS_HZ = 0.9  # pairs of steps a second: a pair lasts 1.1 s
+_SWAY_M, _BOB_M = (
+    0.03,
+    0.025,
+)  # of a walker's hand, sideways and up and down with each step (chosen)
+_STEP_ANGLES = (0.06, 0.05, 0.04)  # rad of roll, pitch, yaw with each step (chosen)
+_HAND_SWING, _HAND_SWING_S = 0.05, 1.5  # rad, and s: how a hand wanders besides (chosen)
+
+
 def drive(
     minutes: float,
     *,
@@ -65,24 +79,27 @@ def drive(
     gait: Gait = CAR,
     start_tow: float = START_TOW,
 ) -> FlightMotion:
-    """A car in a town, without side slip, with stops; it stands for `stand_s` first.
+    """Return the motion of a car in a town, without side slip, with stops, after a stand.
+
+    It stands for `stand_s` first.
 
     Parameters
     ----------
     rough : factor on how the road shakes it.
     """
     rng = np.random.default_rng(seed)
-    path, s = _journey(gait, minutes, stand_s, rng)
-    position, course, moving = _smoothed(path, s)
+    path, s = _draw_journey(gait, minutes, stand_s, rng)
+    position, course, moving = _smoothed_motion(path, s)
     velocity = np.gradient(position, MOTION_KNOT_S, axis=0)
     level = np.hypot(velocity[:, 0], velocity[:, 1])
     yaw = np.where(level > _REST_MS, np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])), course)
     yaw += 2.0 * np.pi * np.round((course - yaw) / (2.0 * np.pi))
     pitch = np.where(level > _REST_MS, np.arctan2(-velocity[:, 2], level), 0.0)
     roll = (
-        0.01 * _swing(s.size, 2.0, rng) + rough * _SHAKE_ROLL * _swing(s.size, _SHAKE_S, rng)
+        _BODY_ROLL * _unit_swing(s.size, _BODY_ROLL_S, rng)
+        + rough * _SHAKE_ROLL * _unit_swing(s.size, _SHAKE_S, rng)
     ) * moving
-    position[:, 2] += rough * _SHAKE_M * _swing(s.size, _SHAKE_S, rng) * moving
+    position[:, 2] += rough * _SHAKE_M * _unit_swing(s.size, _SHAKE_S, rng) * moving
     return _flight("drive", position, np.column_stack([roll, pitch, yaw]), start_tow)
 
 
@@ -99,14 +116,17 @@ def walk(
     The person takes steps, sways, wanders in heading about the way, and stands for `stand_s` first.
     """
     rng = np.random.default_rng(seed)
-    path, s = _journey(gait, minutes, stand_s, rng)
-    position, course, moving = _smoothed(path, s)
-    step = 2.0 * np.pi * np.cumsum(moving) * MOTION_KNOT_S * 0.9  # a pair of steps lasts 1.1 s
-    position[:, 0] += -np.sin(course) * 0.03 * moving * np.sin(step)
-    position[:, 1] += np.cos(course) * 0.03 * moving * np.sin(step)
-    position[:, 2] += 0.025 * moving * np.sin(2.0 * step)
-    swing = [0.06 * np.sin(step), 0.05 * np.sin(2.0 * step + 1.0), 0.04 * np.sin(step + 2.0)]
-    angles = [moving * (angle + 0.05 * _swing(s.size, 1.5, rng)) for angle in swing]
+    path, s = _draw_journey(gait, minutes, stand_s, rng)
+    position, course, moving = _smoothed_motion(path, s)
+    step = 2.0 * np.pi * np.cumsum(moving) * MOTION_KNOT_S * _STEP_PAIRS_HZ
+    position[:, 0] += -np.sin(course) * _SWAY_M * moving * np.sin(step)
+    position[:, 1] += np.cos(course) * _SWAY_M * moving * np.sin(step)
+    position[:, 2] += _BOB_M * moving * np.sin(2.0 * step)
+    roll, pitch, yaw = _STEP_ANGLES
+    swing = [roll * np.sin(step), pitch * np.sin(2.0 * step + 1.0), yaw * np.sin(step + 2.0)]
+    angles = [
+        moving * (angle + _HAND_SWING * _unit_swing(s.size, _HAND_SWING_S, rng)) for angle in swing
+    ]
     return _flight("walk", position, np.column_stack([*angles[:2], course + angles[2]]), start_tow)
 
 
@@ -115,10 +135,10 @@ def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flig
     return flight_along(ExactMotion(SITE, start_tow, MOTION_KNOT_S, control), name, 5.0)
 
 
-def _journey(
+def _draw_journey(
     gait: Gait, minutes: float, stand_s: float, rng: np.random.Generator
 ) -> tuple[SegmentPath, Array]:
-    """A path with bends of a quarter turn, and the length travelled at each knot.
+    """Return a path with bends of a quarter turn, and the length (n,), m, travelled at each knot.
 
     About as many bends go to the right as to the left.
     """
@@ -127,16 +147,17 @@ def _journey(
             f"{minutes} minutes with {stand_s} s of standing; give more than half a minute and no"
             " negative time"
         )
-    route, halts = Route((0.0, 0.0, float(rng.uniform(0.0, 2.0 * np.pi))), 1.5), []
-    done = 0.0
-    while done < 60.0 * minutes * gait.speed_ms:
+    route = Route((0.0, 0.0, float(rng.uniform(0.0, 2.0 * np.pi))), _RIG_HEIGHT_M)
+    halts = []
+    travelled = 0.0
+    while travelled < 60.0 * minutes * gait.speed_ms:
         straight = rng.uniform(*gait.straight_m)
-        route.add(0.0, straight, 1.5 + rng.uniform(-0.02, 0.02) * straight)
+        route.add(0.0, straight, _RIG_HEIGHT_M + rng.uniform(-_SLOPE, _SLOPE) * straight)
         if rng.random() < gait.stop_share:
-            halts.append((done + 0.8 * straight, rng.uniform(*gait.stop_s)))
+            halts.append((travelled + _HALT_SHARE * straight, rng.uniform(*gait.stop_s)))
         radius = rng.uniform(*gait.radius_m)
         route.add(rng.choice([-1.0, 1.0]) / radius, 0.5 * np.pi * radius)
-        done += straight + 0.5 * np.pi * radius
+        travelled += straight + 0.5 * np.pi * radius
     path = route.path()
     time, s = _timetable(path, gait, halts)
     knots = int(np.ceil(60.0 * minutes / MOTION_KNOT_S)) + 5 + _KNOTS_BEYOND
@@ -146,7 +167,7 @@ def _journey(
 def _timetable(
     path: SegmentPath, gait: Gait, halts: list[tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Times, with the halts as pauses, and path lengths, from a stand."""
+    """Return times (n,), s, with the halts as pauses, and path lengths (n,), m, from a stand."""
     s = np.arange(0.0, path.total, _TIMETABLE_STEP_M)
     k = np.abs(path.curvature[path.segment_at(s)])
     square = np.minimum(gait.speed_ms**2, gait.across_ms2 / np.maximum(k, 1e-9))
@@ -160,8 +181,8 @@ def _timetable(
     return time[node] + np.cumsum(wait), s[node]
 
 
-def _smoothed(path: SegmentPath, s: Array) -> tuple[Array, Array, Array]:
-    """Position (n, 3), unwrapped course (n,), and (n,) 0 at rest to 1 on the move, at the knots."""
+def _smoothed_motion(path: SegmentPath, s: Array) -> tuple[Array, Array, Array]:
+    """Return position (n, 3), m, unwrapped course (n,), rad, and motion (n,), 0 at rest to 1."""
     from scipy.ndimage import gaussian_filter1d
 
     position, course = path.pose_at(s)
@@ -170,11 +191,11 @@ def _smoothed(path: SegmentPath, s: Array) -> tuple[Array, Array, Array]:
     position = base + gaussian_filter1d(position - base, width, axis=0, mode="nearest")
     course = course[0] + gaussian_filter1d(np.unwrap(course) - course[0], width, mode="nearest")
     moving = gaussian_filter1d(
-        (np.gradient(s, MOTION_KNOT_S) > 0.2).astype(float), width, mode="nearest"
+        (np.gradient(s, MOTION_KNOT_S) > _MOVING_MS).astype(float), width, mode="nearest"
     )
     return position, course, moving
 
 
-def _swing(n: int, width_s: float, rng: np.random.Generator) -> Array:
-    """(n,) smooth noise of unit standard deviation."""
+def _unit_swing(n: int, width_s: float, rng: np.random.Generator) -> Array:
+    """Return smooth noise (n,) of unit standard deviation, `width_s` wide."""
     return gusts(((1.0, width_s),), n, rng)

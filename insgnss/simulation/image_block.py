@@ -270,9 +270,9 @@ def simulate_block(
         options = BlockOptions.of(name) if name in PLANS else BlockOptions()
     source = np.random.default_rng([seed, _STREAM])
     ground, ties, targets, noise, gross = source.spawn(5)
-    terrain = _terrain(flight.motion.frame.height, options.relief_m, ground)
+    terrain = _draw_terrain(flight.motion.frame.height, options.relief_m, ground)
     tie = tie_points(eo, terrain, options, ties)
-    target = _targets(eo, terrain, options, targets)
+    target = _draw_targets(eo, terrain, options, targets)
     position = np.vstack([tie.position, target.position])
     image = np.concatenate([tie.image, target.image])
     point = np.concatenate([tie.point, target.point + len(tie.position)])
@@ -281,18 +281,18 @@ def simulate_block(
     uv = np.vstack([tie.uv, target.uv])[order]
     is_tie = point < len(tie.position)
     sigma = np.where(is_tie, options.tie_sigma_px, options.target_sigma_px)[:, None] * np.ones(2)
-    wrong = gross.random(len(uv)) < options.gross_errors
+    has_gross_error = gross.random(len(uv)) < options.gross_errors
     noisy = uv + sigma * noise.standard_normal(uv.shape)
-    noisy += wrong[:, None] * _displacements(uv, options.true_camera, gross)
+    noisy += has_gross_error[:, None] * _gross_displacements(uv, options.true_camera, gross)
     names = [f"T{k + 1:06d}" for k in range(len(tie.position))]
     surveyed = [f"G{k + 1:02d}" for k in range(len(target.position))]
     return SimulatedBlock(
         options,
         ImagePoints(eo.images, (*names, *surveyed), ImageObservations(image, point, noisy, sigma)),
-        _surveyed(surveyed, target.position, options, targets),
+        _survey_targets(surveyed, target.position, options, targets),
         position,
         uv,
-        wrong,
+        has_gross_error,
         terrain,
     )
 
@@ -330,8 +330,10 @@ class Visible:
         return np.bincount(self.point, minlength=len(self.position))
 
 
-def _terrain(height_m: float, relief_m: float, rng: np.random.Generator) -> Terrain:
-    length, course = rng.uniform(*_WAVE_M, _WAVES), rng.uniform(0.0, 2.0 * np.pi, _WAVES)
+def _draw_terrain(height_m: float, relief_m: float, rng: np.random.Generator) -> Terrain:
+    """Draw a rolling terrain about `height_m`, up to `relief_m` above and below it."""
+    length = rng.uniform(*_WAVE_M, _WAVES)
+    course = rng.uniform(0.0, 2.0 * np.pi, _WAVES)
     wave = 2.0 * np.pi / length * np.array([np.cos(course), np.sin(course)])
     amplitude = np.full(_WAVES, relief_m / _WAVES)
     return Terrain(height_m, amplitude, wave, rng.uniform(0.0, 2.0 * np.pi, _WAVES))
@@ -342,21 +344,21 @@ def under_images(
 ) -> Array:
     """Return points on the ground about the nadirs of images drawn at random."""
     centre = eo.position_m[rng.integers(0, len(eo.images), count)]
-    reach = _AROUND * (centre[:, 2:] - terrain.height_m)
-    return terrain.points(centre[:, :2] + reach * rng.uniform(-1.0, 1.0, (count, 2)))
+    half_width = _AROUND * (centre[:, 2:] - terrain.height_m)
+    return terrain.points(centre[:, :2] + half_width * rng.uniform(-1.0, 1.0, (count, 2)))
 
 
 def seen_points(eo: ExteriorOrientation, position: Array, camera: BrownCamera) -> Visible:
     """Return where points appear within the format."""
     images, points, pixels = [], [], []
-    high = np.array([camera.width, camera.height]) - _FORMAT_BORDER_PX
-    each = enumerate(zip(eo.position_m, eo.C_mc, strict=True))
-    for i, (centre, C_mc) in through(list(each)):
-        q = (position - centre) @ C_mc
-        ahead = np.flatnonzero(q[:, 2] > np.abs(q[:, :2]).max(axis=1))
-        uv = pixels_of(camera, q[ahead, :2] / q[ahead, 2:])
-        inside = ((uv > _FORMAT_BORDER_PX) & (uv < high)).all(axis=1)
-        points.append(ahead[inside])
+    format_limit = np.array([camera.width, camera.height]) - _FORMAT_BORDER_PX
+    poses = enumerate(zip(eo.position_m, eo.C_mc, strict=True))
+    for i, (centre, C_mc) in through(list(poses)):
+        in_camera = (position - centre) @ C_mc
+        in_front = np.flatnonzero(in_camera[:, 2] > np.abs(in_camera[:, :2]).max(axis=1))
+        uv = pixels_of(camera, in_camera[in_front, :2] / in_camera[in_front, 2:])
+        inside = ((uv > _FORMAT_BORDER_PX) & (uv < format_limit)).all(axis=1)
+        points.append(in_front[inside])
         pixels.append(uv[inside])
         images.append(np.full(len(points[-1]), i))
     return Visible(position, np.concatenate(images), np.concatenate(points), np.concatenate(pixels))
@@ -366,54 +368,57 @@ def tie_points(
     eo: ExteriorOrientation, terrain: Terrain, options: BlockOptions, rng: np.random.Generator
 ) -> Visible:
     """Return tie points, each measured in two images or more."""
-    wanted, batches = round(options.tie_points * len(eo.images)), []
+    count = round(options.tie_points * len(eo.images))
+    batches = []
     for _ in range(_ROUNDS):
-        drawn = seen_points(eo, under_images(eo, terrain, wanted, rng), options.true_camera)
-        keep = rng.random(len(drawn.point)) < options.matched
-        drawn = Visible(drawn.position, drawn.image[keep], drawn.point[keep], drawn.uv[keep])
-        batches.append(drawn.chosen(np.flatnonzero(drawn.rays() >= 2)))
-        if sum(len(batch.position) for batch in batches) >= wanted:
+        visible = seen_points(eo, under_images(eo, terrain, count, rng), options.true_camera)
+        keep = rng.random(len(visible.point)) < options.matched
+        matched = Visible(
+            visible.position, visible.image[keep], visible.point[keep], visible.uv[keep]
+        )
+        batches.append(matched.chosen(np.flatnonzero(matched.rays() >= 2)))
+        if sum(len(batch.position) for batch in batches) >= count:
             break
     else:
         raise UsageError(
             f"the {len(eo.images)} images of this flight hardly overlap, so that no block of"
-            f" {wanted} tie points can be measured; ask for more minutes"
+            f" {count} tie points can be measured; ask for more minutes"
         )
-    first = np.cumsum([0, *(len(batch.position) for batch in batches)])
-    whole = Visible(
+    first_point = np.cumsum([0, *(len(batch.position) for batch in batches)])
+    candidates = Visible(
         np.vstack([batch.position for batch in batches]),
         np.concatenate([batch.image for batch in batches]),
-        np.concatenate([batch.point + k for batch, k in zip(batches, first, strict=False)]),
+        np.concatenate([batch.point + k for batch, k in zip(batches, first_point, strict=False)]),
         np.vstack([batch.uv for batch in batches]),
     )
-    return whole.chosen(np.arange(wanted))
+    return candidates.chosen(np.arange(count))
 
 
-def _targets(
+def _draw_targets(
     eo: ExteriorOrientation, terrain: Terrain, options: BlockOptions, rng: np.random.Generator
 ) -> Visible:
     """Return targets far from each other, measured in three images or more; control comes first.
 
     A flight too short for all of them has fewer.
     """
-    wanted = options.control + options.check
-    drawn = under_images(eo, terrain, max(_TARGET_DRAWS * wanted, 1), rng)
+    count = options.control + options.check
+    drawn = under_images(eo, terrain, max(_TARGET_DRAWS * count, 1), rng)
     visible = seen_points(eo, drawn, options.true_camera)
-    good = np.flatnonzero(visible.rays() >= _TARGET_RAYS)
-    horizontal = drawn[good, :2]
+    usable = np.flatnonzero(visible.rays() >= _TARGET_RAYS)
+    horizontal = drawn[usable, :2]
     chosen: list[int] = []
-    gap = np.full(len(good), np.inf)
-    if len(good):
-        gap = np.linalg.norm(horizontal - horizontal.mean(axis=0), axis=1)
-    while len(chosen) < min(wanted, len(good)):
-        k = int(np.argmax(gap))
+    distance_to_chosen = np.full(len(usable), np.inf)
+    if len(usable):
+        distance_to_chosen = np.linalg.norm(horizontal - horizontal.mean(axis=0), axis=1)
+    while len(chosen) < min(count, len(usable)):
+        k = int(np.argmax(distance_to_chosen))
         distance = np.linalg.norm(horizontal - horizontal[k], axis=1)
-        gap = distance if not chosen else np.minimum(gap, distance)
+        distance_to_chosen = distance if not chosen else np.minimum(distance_to_chosen, distance)
         chosen.append(k)
-    return visible.chosen(good[chosen] if chosen else good[:0])
+    return visible.chosen(usable[chosen] if chosen else usable[:0])
 
 
-def _surveyed(
+def _survey_targets(
     names: Sequence[str], position: Array, options: BlockOptions, rng: np.random.Generator
 ) -> GroundTable:
     """Return the targets as they were surveyed."""
@@ -427,10 +432,11 @@ def _surveyed(
     )
 
 
-def _displacements(uv: Array, camera: BrownCamera, rng: np.random.Generator) -> Array:
+def _gross_displacements(uv: Array, camera: BrownCamera, rng: np.random.Generator) -> Array:
     """Return displacements of all observations (n, 2) that stay within the format."""
-    length, way = rng.uniform(*GROSS_PX, len(uv)), rng.uniform(0.0, 2.0 * np.pi, len(uv))
-    step = length[:, None] * np.column_stack([np.cos(way), np.sin(way)])
+    length = rng.uniform(*GROSS_PX, len(uv))
+    direction = rng.uniform(0.0, 2.0 * np.pi, len(uv))
+    step = length[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
     moved = uv + step
-    high = np.array([camera.width, camera.height]) - _FORMAT_BORDER_PX
-    return np.where((moved < _FORMAT_BORDER_PX) | (moved > high), -step, step)
+    format_limit = np.array([camera.width, camera.height]) - _FORMAT_BORDER_PX
+    return np.where((moved < _FORMAT_BORDER_PX) | (moved > format_limit), -step, step)

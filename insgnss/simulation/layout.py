@@ -197,56 +197,71 @@ class Timetable:
     clock_offset_s: float
 
 
+_HALVINGS = 12  # of the scale of lines: to 1/4096 of its range, seconds of a flight
+_CLIMB_RUNS = 5.0  # ground runs over which a flight climbs straight ahead after take-off (chosen)
+_APPROACH_SLOPE = 0.6  # of the approach, over the climb gradient (chosen)
+
+
 def lay_out(plan: FlightPlan) -> Timetable:
-    """Path and timetable of a plan, as long as it asks for."""
-    every = sum(level.lines for level in plan.levels)
+    """Return path and timetable of a plan, as long as it asks for."""
+    line_count = sum(level.lines for level in plan.levels)
     if plan.minutes is None:
-        return _airborne(plan, every) if plan.start_in_air else _grounded(plan, every, 1.0)
-    wanted = 60.0 * plan.minutes
+        return (
+            _lay_out_in_air(plan, line_count)
+            if plan.start_in_air
+            else _lay_out_from_ground(plan, line_count, 1.0)
+        )
+    duration_s = 60.0 * plan.minutes
     if plan.start_in_air:
         count = 1
-        while (cut := _airborne(plan, count)).duration_s < wanted:
+        while (timetable := _lay_out_in_air(plan, count)).duration_s < duration_s:
             count += 1
-        return replace(cut, duration_s=wanted)
-    return _fitted(plan, every, wanted)
+        return replace(timetable, duration_s=duration_s)
+    return _fit_duration(plan, line_count, duration_s)
 
 
-def _fitted(plan: FlightPlan, every: int, wanted: float) -> Timetable:
-    """Take-off to landing in `wanted` s: as many lines as it takes, a little shortened.
+def _fit_duration(plan: FlightPlan, line_count: int, duration_s: float) -> Timetable:
+    """Return the timetable from take-off to landing in `duration_s`.
 
+    It has as many lines as it takes, a little shortened.
     Cut in the air where nothing fits.
     """
-    count = min(_FEWEST_LINES, every)
-    while (full := _grounded(plan, count, 1.0)).duration_s < wanted:
-        share_done(_COUNTED * (full.duration_s / wanted) ** 2)  # each takes as long as it is
+    count = min(_FEWEST_LINES, line_count)
+    while (unshortened := _lay_out_from_ground(plan, count, 1.0)).duration_s < duration_s:
+        share_done(
+            _COUNTED * (unshortened.duration_s / duration_s) ** 2
+        )  # each takes as long as it is
         count += 1
-    low, high = _SHORTEST, 1.0
-    best = _grounded(plan, count, low)
-    if best.duration_s > wanted:
-        return replace(full, duration_s=wanted)
+    low = _SHORTEST
+    high = 1.0
+    fitting = _lay_out_from_ground(plan, count, low)
+    if fitting.duration_s > duration_s:
+        return replace(unshortened, duration_s=duration_s)
     with within(_COUNTED, 1.0):
-        for _ in through(range(12)):
+        for _ in through(range(_HALVINGS)):
             middle = 0.5 * (low + high)
-            trial = _grounded(plan, count, middle)
-            if trial.duration_s > wanted:
+            trial = _lay_out_from_ground(plan, count, middle)
+            if trial.duration_s > duration_s:
                 high = middle
             else:
-                low, best = middle, trial
-    return replace(best, duration_s=wanted)
+                low = middle
+                fitting = trial
+    return replace(fitting, duration_s=duration_s)
 
 
-def _grounded(plan: FlightPlan, count: int, scale: float) -> Timetable:
-    """Take-off, `count` lines of `scale` times their length, landing."""
+def _lay_out_from_ground(plan: FlightPlan, count: int, scale: float) -> Timetable:
+    """Return the timetable of take-off, `count` lines of `scale` times their length, landing."""
     into_wind = np.radians(plan.wind_from_deg)
     launch: Pose = (*plan.launch, float(into_wind))
     route = Route(launch, 0.0)
     route.add(0.0, _GROUND_RUN_M)
-    route.add(0.0, 5.0 * _GROUND_RUN_M, 5.0 * _GROUND_RUN_M * plan.climb_gradient)
-    _fly_lines(route, plan, _lines(plan, count, scale))
+    climb_m = _CLIMB_RUNS * _GROUND_RUN_M
+    route.add(0.0, climb_m, climb_m * plan.climb_gradient)
+    _fly_lines(route, plan, _lines_of_plan(plan, count, scale))
     gate = advance(launch, 0.0, -_APPROACH_M)
     route.connect(
         gate,
-        0.6 * plan.climb_gradient * (_APPROACH_M - _GROUND_RUN_M),
+        _APPROACH_SLOPE * plan.climb_gradient * (_APPROACH_M - _GROUND_RUN_M),
         plan.turn_radius_m,
         plan.climb_gradient,
     )
@@ -259,11 +274,11 @@ def _grounded(plan: FlightPlan, count: int, scale: float) -> Timetable:
     )
 
 
-def _airborne(plan: FlightPlan, count: int) -> Timetable:
-    """`count` lines and no more, from shortly before the first."""
-    lines = _lines(plan, count, 1.0)
-    start, height, _ = lines[0]
-    route = Route(advance(start, 0.0, -_LEAD_IN_M), height)
+def _lay_out_in_air(plan: FlightPlan, count: int) -> Timetable:
+    """Return the timetable of `count` lines and no more, from shortly before the first."""
+    lines = _lines_of_plan(plan, count, 1.0)
+    first_pose, height, _ = lines[0]
+    route = Route(advance(first_pose, 0.0, -_LEAD_IN_M), height)
     route.add(0.0, _LEAD_IN_M)
     _fly_lines(route, plan, lines)
     route.add(0.0, _LEAD_IN_M)
@@ -278,14 +293,14 @@ def _fly_lines(route: Route, plan: FlightPlan, lines: list[Line]) -> None:
         route.add(0.0, length, height, number)
 
 
-def _lines(plan: FlightPlan, count: int, scale: float) -> list[Line]:
-    """`count` lines in the order flown; past the plan's last line its first follows."""
-    every = sum(level.lines for level in plan.levels)
+def _lines_of_plan(plan: FlightPlan, count: int, scale: float) -> list[Line]:
+    """Return `count` lines in the order flown; past the plan's last line its first follows."""
+    line_count = sum(level.lines for level in plan.levels)
     position = plan.launch
     lines: list[Line] = []
     while len(lines) < count:
-        missing = min(count - len(lines), every)
-        for level, share in zip(plan.levels, _shares(plan, missing), strict=True):
+        missing = min(count - len(lines), line_count)
+        for level, share in zip(plan.levels, _lines_of_levels(plan, missing), strict=True):
             if share:
                 lines += _level_lines(plan, level, share, scale, position)
                 start, _, length = lines[-1]
@@ -293,11 +308,11 @@ def _lines(plan: FlightPlan, count: int, scale: float) -> list[Line]:
     return lines
 
 
-def _shares(plan: FlightPlan, count: int) -> list[int]:
-    """`count` lines divided among the levels in proportion to their lines."""
-    every = sum(level.lines for level in plan.levels)
+def _lines_of_levels(plan: FlightPlan, count: int) -> list[int]:
+    """Return how many of `count` lines each level gets, in proportion to its lines."""
+    line_count = sum(level.lines for level in plan.levels)
     edges = np.round(
-        np.cumsum([0, *(level.lines for level in plan.levels)]) * count / every
+        np.cumsum([0, *(level.lines for level in plan.levels)]) * count / line_count
     ).astype(int)
     return [int(n) for n in np.diff(edges)]
 
@@ -305,31 +320,32 @@ def _shares(plan: FlightPlan, count: int) -> list[int]:
 def _level_lines(
     plan: FlightPlan, level: Level, count: int, scale: float, position: tuple[float, float]
 ) -> list[Line]:
-    """`count` lines about the block's centre: every other one first, then back.
+    """Return `count` lines about the block's centre: every other one first, then back.
 
     From the corner nearest to `position`.
     """
-    course, length = float(np.radians(level.course_deg)), level.length_m * scale
+    course = float(np.radians(level.course_deg))
+    length = level.length_m * scale
     spacing = plan.camera.line_spacing(level.height_m, plan.side_overlap)
-    outward = list(range(0, count, 2)) + list(range(1, count, 2))[::-1]
+    order = list(range(0, count, 2)) + list(range(1, count, 2))[::-1]
     choices = []
     for side in (1.0, -1.0):
         for sense in (1.0, -1.0):
             starts: list[Pose] = []
-            for k, j in enumerate(outward):
-                turn = course if (sense > 0.0) == (k % 2 == 0) else course + np.pi
+            for k, j in enumerate(order):
+                line_course = course if (sense > 0.0) == (k % 2 == 0) else course + np.pi
                 offset = side * (j - 0.5 * (count - 1)) * spacing
-                middle = (-offset * np.sin(course), offset * np.cos(course), float(turn))
+                middle = (-offset * np.sin(course), offset * np.cos(course), float(line_course))
                 starts.append(advance(middle, 0.0, -0.5 * length))
             choices.append(starts)
     nearest = min(
-        choices, key=lambda starts: np.hypot(starts[0][0] - position[0], starts[0][1] - position[1])
+        choices, key=lambda poses: np.hypot(poses[0][0] - position[0], poses[0][1] - position[1])
     )
     return [(start, level.height_m, length) for start in nearest]
 
 
 def _timetable(path: SegmentPath, plan: FlightPlan, at_rest: bool) -> tuple[Array, Array]:
-    """Path lengths and times; the path is left and reached at rest or at full speed."""
+    """Return path lengths (n,), m, and times (n,), s, `at_rest` or at full speed at both ends."""
     s = np.linspace(0.0, path.total, int(np.ceil(path.total / _PROFILE_STEP_M)) + 1)
     square = plan.ground_speed(path.pose_at(s)[1]) ** 2
     if at_rest:

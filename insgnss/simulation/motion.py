@@ -44,6 +44,8 @@ from ..records import QUANTITIES, Array, ImuSamples, Quantity
 from ._kernels import integrate_signals, sample_signals
 
 PIECE_INTERVALS = 100_000  # intervals that are integrated at once
+ROUNDING_S = 1e-9  # of stamps (s): less beyond the ends of a motion is rounding
+ROUNDING = 1e-6  # of a count of samples: less below a whole number is rounding
 PIECE_MARGIN = 0.1  # of a piece of the path: from its ends, where rounding decides
 
 
@@ -95,18 +97,20 @@ class ExactMotion:
 
     @cached_property
     def _coefficients(self) -> Array:
-        """(pieces, 6 powers, 6 channels), ascending powers of the seconds into the piece (M.1)."""
+        """Return coefficients (pieces, 6, 6), ascending powers by channel, of a piece (M.1)."""
         # (pieces, channel, 6)
         windows = np.lib.stride_tricks.sliding_window_view(self.control, 6, axis=0)
         base = windows[..., 2]
-        a = np.einsum("kj,icj->ikc", _BASIS / 120.0, windows - base[..., None])
-        a /= self.spacing ** np.arange(6.0)[:, None]
-        a[:, 0] += base
-        return np.ascontiguousarray(a)
+        factorial = 120.0  # 5!, of the basis
+        out = np.einsum("kj,icj->ikc", _BASIS / factorial, windows - base[..., None])
+        out /= self.spacing ** np.arange(6.0)[:, None]
+        out[:, 0] += base
+        return np.ascontiguousarray(out)
 
     def _elapsed(self, time: ArrayLike) -> Array:
+        """Return `time` (n,), s, from the start; UsageError outside the motion."""
         time = np.atleast_1d(np.asarray(time, dtype=np.float64))
-        outside = (time < self.start - 1e-9) | (time > self.end + 1e-9)
+        outside = (time < self.start - ROUNDING_S) | (time > self.end + ROUNDING_S)
         if outside.any():
             raise UsageError(
                 f"time {time[outside][0]:.6f} s lies outside the motion, {self.start:.6f} to"
@@ -115,7 +119,7 @@ class ExactMotion:
         return time - self.start
 
     def _channels(self, time: ArrayLike, derivative: int, channels: slice) -> Array:
-        """(n, 3) of the given derivative, 0 to 5, of three channels, by Horner's rule."""
+        """Return a derivative (n, 3), 0 to 5, of three channels at `time` (n,) (Horner)."""
         elapsed = self._elapsed(time)
         piece = np.clip((elapsed / self.spacing).astype(np.int64), 0, len(self._coefficients) - 1)
         u = (elapsed - piece * self.spacing)[:, None]
@@ -141,11 +145,11 @@ class ExactMotion:
         return self._channels(time, derivative, slice(3, 6))
 
     def C_lb(self, time: ArrayLike) -> Array:
-        """(n, 3, 3), body into l (M.2)."""
+        """Return rotations (n, 3, 3), body into l (M.2)."""
         return rotation_from_rpy(self.angles(time))
 
     def omega_lb_b(self, time: ArrayLike) -> Array:
-        """(n, 3) rad/s, rate of the body with respect to l in body axes (M.3)."""
+        """Return the rate (n, 3), rad/s, of the body with respect to l in body axes (M.3)."""
         roll, pitch, _ = self.angles(time).T
         d_roll, d_pitch, d_yaw = self.angles(time, 1).T
         sf, cf, st, ct = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
@@ -155,13 +159,15 @@ class ExactMotion:
         )
 
     def acceleration_ib_b(self, time: ArrayLike) -> Array:
-        """(n, 3) rad/s^2, derivative of omega_ib_b in body axes (M.3, M.4)."""
+        """Return the derivative (n, 3), rad/s^2, of omega_ib_b in body axes (M.3, M.4)."""
         roll, pitch, _ = self.angles(time).T
         d_roll, d_pitch, d_yaw = self.angles(time, 1).T
         dd_roll, dd_pitch, dd_yaw = self.angles(time, 2).T
         sf, cf, st, ct = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
-        level, d_level = d_yaw * ct, dd_yaw * ct - d_yaw * d_pitch * st
-        right, below = d_pitch * cf + level * sf, -d_pitch * sf + level * cf
+        level = d_yaw * ct
+        d_level = dd_yaw * ct - d_yaw * d_pitch * st
+        right = d_pitch * cf + level * sf
+        below = -d_pitch * sf + level * cf
         turned = np.stack(
             [
                 dd_roll - dd_yaw * st - level * d_pitch,
@@ -174,7 +180,7 @@ class ExactMotion:
         return turned - np.cross(self.omega_lb_b(time), earth_b)
 
     def inertial(self, time: ArrayLike) -> tuple[Array, Array]:
-        """omega_ib_b (n, 3) rad/s and specific force f_b (n, 3) m/s^2 at `time` (M.4, M.5)."""
+        """Return omega_ib_b (n, 3), rad/s, and specific force f_b (n, 3), m/s^2 (M.4, M.5)."""
         elapsed = self._elapsed(time)
         out = np.empty((elapsed.size, 6))
         sample_signals(self._coefficients, self.spacing, elapsed, *self._earth, np.zeros(3), out)
@@ -189,11 +195,11 @@ class ExactMotion:
         )
 
     def geodetic(self, time: ArrayLike) -> tuple[Array, Array, Array]:
-        """Latitude, longitude (rad) and ellipsoidal height (m), each (n,), at `time`."""
+        """Return latitude, longitude (rad) and ellipsoidal height (m), each (n,), at `time`."""
         return self.frame.geodetic_from_position(self.position(time))
 
     def C_nl(self, time: ArrayLike) -> Array:
-        """(n, 3, 3), l into north, east, down at the body's place."""
+        """Return rotations (n, 3, 3), l into north, east, down at the body's place."""
         return np.swapaxes(self.frame.C_ln_at(self.position(time)), -1, -2)
 
     def imu(
@@ -225,25 +231,22 @@ class ExactMotion:
                 f"IMU rate {rate_hz} Hz, phase {phase_s} s; the phase lies between zero and one"
                 " sample interval"
             )
-        n = int(np.floor((self.end - self.start - phase_s) * rate_hz + 1e-6))
+        n = int(np.floor((self.end - self.start - phase_s) * rate_hz + ROUNDING))
         stamps = self.start + (phase_s + np.arange(n + 1) / rate_hz)
-        out, lever = np.empty((n, 6)), np.array(lever_b, dtype=np.float64)
+        out = np.empty((n, 6))
+        lever = np.array(lever_b, dtype=np.float64)
         if quantity == "instant_rate":
             sample_signals(
                 self._coefficients, self.spacing, stamps[1:] - self.start, *self._earth, lever, out
             )
             turned = self.acceleration_ib_b(stamps[1:]) if lever.any() else np.zeros((n, 3))
         else:
-            elapsed, rule = stamps - self.start, np.polynomial.legendre.leggauss(nodes)
-            for first, last in through(pieces(elapsed, self.spacing)):
+            elapsed = stamps - self.start
+            rule = np.polynomial.legendre.leggauss(nodes)
+            for start, end in through(pieces(elapsed, self.spacing)):
                 integrate_signals(
-                    self._coefficients,
-                    self.spacing,
-                    elapsed[first : last + 1],
-                    *rule,
-                    *self._earth,
-                    lever,
-                    out[first:last],
+                    *(self._coefficients, self.spacing, elapsed[start : end + 1]),
+                    *(*rule, *self._earth, lever, out[start:end]),
                 )
             turned = np.diff(self.inertial(stamps)[0], axis=0) if lever.any() else np.zeros((n, 3))
         out[:, 3:] += np.cross(turned, lever)  # (M.6)

@@ -37,10 +37,16 @@ def _angle(x: float) -> float:
     return 0.0 if x > 2.0 * pi - 1e-9 else x
 
 
-def _candidate_ways(
+SAME_PLACE_M, SAME_COURSE_COSINE = 1e-6, 1.0 - 1e-12  # of two poses: less apart is rounding
+
+
+def _dubins_words(
     d: float, a: float, b: float
 ) -> list[tuple[tuple[int, int, int], tuple[float, float, float]]]:
-    """Turn signs and normalised lengths of the words from (0, 0, a) to (d, 0, b), radius 1."""
+    """Return turn signs and lengths of Dubins' words from (0, 0, a) to (d, 0, b), radius 1.
+
+    a and b are courses, rad; a word is three segments: turn or straight, in units of the radius.
+    """
     sa, sb, ca, cb, cab = sin(a), sin(b), cos(a), cos(b), cos(a - b)
     candidates: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
     for s in (1, -1):  # RSR and LSL, one the mirror image of the other
@@ -74,10 +80,10 @@ def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, fl
     a full circle.
     """
     dx, dy = goal[0] - start[0], goal[1] - start[1]
-    if hypot(dx, dy) < 1e-6 and cos(goal[2] - start[2]) > 1.0 - 1e-12:
+    if hypot(dx, dy) < SAME_PLACE_M and cos(goal[2] - start[2]) > SAME_COURSE_COSINE:
         return []
     bearing = atan2(dy, dx)
-    candidates = _candidate_ways(hypot(dx, dy) / radius, start[2] - bearing, goal[2] - bearing)
+    candidates = _dubins_words(hypot(dx, dy) / radius, start[2] - bearing, goal[2] - bearing)
     turns, lengths = min(candidates, key=lambda word: sum(word[1]))
     return [(turn / radius, length * radius) for turn, length in zip(turns, lengths, strict=True)]
 
@@ -102,31 +108,39 @@ class Route:
         if length > 0.0:
             height = self.height if height is None else height
             self.segments.append((*self.pose, curvature, length, self.height, height, line))
-            self.pose, self.height = advance(self.pose, curvature, length), height
+            self.pose = advance(self.pose, curvature, length)
+            self.height = height
 
     def connect(self, goal: Pose, height: float, radius: float, gradient: float) -> None:
         """Go the shortest way to `goal`, changing height evenly.
 
         Circles come first where the way is too short for `gradient`.
         """
-        way = shortest_way(self.pose, goal, radius)
-        length = sum(piece_m for _, piece_m in way)
-        if not way and height == self.height:
+        segments_to_goal = shortest_way(self.pose, goal, radius)
+        length = sum(piece_m for _, piece_m in segments_to_goal)
+        if not segments_to_goal and height == self.height:
             return
         circle = 2.0 * pi * radius
         missing = abs(height - self.height) / gradient - length
         if missing > 0.0:
             circles = ceil(missing / circle)
-            way.insert(0, ((way[0][0] if way else 0.0) or 1.0 / radius, circles * circle))
+            segments_to_goal.insert(
+                0,
+                (
+                    (segments_to_goal[0][0] if segments_to_goal else 0.0) or 1.0 / radius,
+                    circles * circle,
+                ),
+            )
             length += circles * circle
-        rise, start = (height - self.height) / length, self.height
-        done = 0.0
-        for curvature, piece_m in way:
-            done += piece_m
-            self.add(curvature, piece_m, start + rise * done)
+        height_0 = self.height
+        rise = (height - height_0) / length
+        travelled = 0.0
+        for curvature, piece_m in segments_to_goal:
+            travelled += piece_m
+            self.add(curvature, piece_m, height_0 + rise * travelled)
 
     def path(self) -> "SegmentPath":
-        """The finished path."""
+        """Return the finished path."""
         return SegmentPath.of(self.segments)
 
 
@@ -158,7 +172,7 @@ class SegmentPath:
     def of(
         cls, segments: Sequence[tuple[float, float, float, float, float, float, float, int]]
     ) -> "SegmentPath":
-        """Path of segments as `Route` keeps them."""
+        """Return the path of segments as `Route` keeps them."""
         x, y, course, curvature, length, height0, height1, line = np.array(
             segments, dtype=np.float64
         ).T
@@ -183,7 +197,8 @@ class SegmentPath:
         i = self.segment_at(s)
         along = s - self.s0[i]
         half = 0.5 * self.curvature[i] * along
-        chord, middle = along * np.sinc(half / np.pi), self.course[i] + half
+        chord = along * np.sinc(half / np.pi)
+        middle = self.course[i] + half
         height = self.height0[i] + (self.height1[i] - self.height0[i]) * along / self.length[i]
         position = np.stack(
             [self.x[i] + chord * np.cos(middle), self.y[i] + chord * np.sin(middle), -height],

@@ -133,6 +133,9 @@ def simulate_flight(
         return observe(path, sensor_seed, **sensors)
 
 
+IMU_SHARE = 0.3  # of the time of an observed flight that its IMU takes, where it has raw GNSS
+
+
 def observe(
     flight: FlightMotion,
     seed: int | np.random.SeedSequence = 0,
@@ -145,7 +148,7 @@ def observe(
     missing_events: float = 0.0,
     truth_hz: float = 10.0,
 ) -> SimulatedFlight:
-    """What the sensors record of a flight, however its motion came about, and the truth.
+    """Simulate what the sensors record of a flight, however its motion came about, and the truth.
 
     Parameters
     ----------
@@ -160,13 +163,13 @@ def observe(
     imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
     inertial, receiver, camera, second_rng, raw = np.random.default_rng(sensor_seed).spawn(5)
-    with within(0.0, 1.0 if raw_gnss is None else 0.3):
+    with within(0.0, 1.0 if raw_gnss is None else IMU_SHARE):
         recorded = simulate_imu(flight, imu, inertial)
     fixes, outlier = simulate_gnss(flight, rig, gnss, receiver)
     events = simulate_events(flight, missing_events, camera)
     observed = None
     if raw_gnss is not None:
-        with within(0.3, 1.0):
+        with within(IMU_SHARE, 1.0):
             observed = simulate_raw_gnss(flight, rig, events, raw_gnss, raw)
     second = None
     if second_imu is not None:
@@ -196,7 +199,7 @@ OF_SENSORS = tuple(observe.__kwdefaults__ or ())  # names of its options
 
 
 def _seeds(seed: int) -> list[np.random.SeedSequence]:
-    """Of the path, and of the sensors."""
+    """Return the seed of the path and that of the sensors."""
     if seed < 0:
         raise UsageError(f"seed {seed}; it must not be negative")
     return np.random.SeedSequence(seed).spawn(2)
@@ -204,7 +207,8 @@ def _seeds(seed: int) -> list[np.random.SeedSequence]:
 
 def true_eo(flight: FlightMotion, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
     """Return the exterior orientation of every exposure, without error and with zero covariance."""
-    motion, n = flight.motion, flight.time.size
+    motion = flight.motion
+    n = flight.time.size
     C_ml = plane.C_em.T @ motion.frame.C_el
     C_mb = C_ml @ motion.C_lb(flight.time)
     # of m from l, in m

@@ -152,26 +152,30 @@ class SimulatedImu:
     accel_bias: Array
 
 
+ROUNDING = 1e-9  # of a determinant: right-handed unit vectors have 1 exactly
+MOTION_SHARE = 0.5  # of the time of an IMU that its ideal readings take; its errors take the rest
+
+
 def axes_matrix(axes: str) -> Array:
-    """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z.
+    """Return C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z.
 
     Raises
     ------
     UsageError
         Unless they are right-handed.
     """
-    C = np.zeros((3, 3))
+    C_bs = np.zeros((3, 3))
     directions = axes.split()
-    if len(directions) == 3 and all(word in _DIRECTIONS for word in directions):
-        for k, word in enumerate(directions):
-            line, sense = _DIRECTIONS[word]
-            C[line, k] = sense
-    if abs(np.linalg.det(C) - 1.0) > 1e-9:
+    if len(directions) == 3 and all(direction in _DIRECTIONS for direction in directions):
+        for k, direction in enumerate(directions):
+            line, sense = _DIRECTIONS[direction]
+            C_bs[line, k] = sense
+    if abs(np.linalg.det(C_bs) - 1.0) > ROUNDING:
         raise UsageError(
             f"IMU axes {axes!r} are no right-handed three of {', '.join(_DIRECTIONS)}; e.g. 'right"
             " backward down'"
         )
-    return C
+    return C_bs
 
 
 def simulate_imu(
@@ -185,7 +189,7 @@ def simulate_imu(
     The IMU is at `lever_b` (3,) m in body axes from the motion's point.
     """
     C_bs = axes_matrix(options.axes)
-    with within(0.0, 0.5):
+    with within(0.0, MOTION_SHARE):
         ideal = flight.motion.imu(
             options.rate_hz, options.quantity, phase_s=options.phase_s, lever_b=lever_b
         )
@@ -193,21 +197,24 @@ def simulate_imu(
     dt = 1.0 / options.rate_hz
     readings, slow = [], []
     *streams, faults = rng.spawn(3)
-    shaken = _shaken(flight.motion, ideal.time, options.vibration)
-    shakes = rng.spawn(2)
+    added_noise = _added_noise_factor(flight.motion, ideal.time, options.vibration)
+    vibration_rngs = rng.spawn(2)
     triads = (model.gyro, model.accel) if model else ((), ())
     ideal_triads = (ideal.gyro, ideal.accel)
-    for k, (truth, axes, stream, shake) in enumerate(
-        zip(ideal_triads, triads, streams, shakes, strict=True)
+    for k, (truth, axes, stream, vibration_rng) in enumerate(
+        zip(ideal_triads, triads, streams, vibration_rngs, strict=True)
     ):
-        with within(0.5 + 0.25 * k, 0.75 + 0.25 * k):
-            reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
+        start = MOTION_SHARE + 0.5 * (1.0 - MOTION_SHARE) * k
+        with within(start, start + 0.5 * (1.0 - MOTION_SHARE)):
+            reading, bias = _with_errors(truth, axes, dt, options.quantity, stream)
         if options.vibration > 1.0:
             white = np.array([axis.white_noise for axis in axes])
-            unit = np.sqrt(dt) if options.quantity == "increments" else 1.0 / np.sqrt(dt)
-            reading = reading + unit * shaken[:, None] * white * shake.standard_normal(
-                reading.shape
+            white_to_reading = (
+                np.sqrt(dt) if options.quantity == "increments" else 1.0 / np.sqrt(dt)
             )
+            reading = reading + white_to_reading * added_noise[
+                :, None
+            ] * white * vibration_rng.standard_normal(reading.shape)
         readings.append(reading @ C_bs)
         slow.append(bias)
     samples = replace(
@@ -216,28 +223,29 @@ def simulate_imu(
     return SimulatedImu(options.faults.apply(samples, faults), ideal.time, slow[0], slow[1])
 
 
-def _shaken(motion: ExactMotion, time: Array, vibration: float) -> Array:
-    """What vibration adds to white noise, (n,), in units of the model's.
+def _added_noise_factor(motion: ExactMotion, time: Array, vibration: float) -> Array:
+    """Return the white noise (n,) that vibration adds at `time` (n,), s, over the model's.
 
     It is independent, so that the sum is `vibration` times as large.
     """
-    moving = (
-        np.linalg.norm(motion.velocity(np.clip(time, motion.start, motion.end)), axis=1) > MOVES_MS
-    )
-    return np.sqrt(vibration**2 - 1.0) * moving
+    velocity = motion.velocity(np.clip(time, motion.start, motion.end))
+    return np.sqrt(vibration**2 - 1.0) * (np.linalg.norm(velocity, axis=1) > MOVES_MS)
 
 
-def _erroneous(
+def _with_errors(
     truth: Array,
     axes: tuple[AxisNoise, ...],
     dt: float,
     quantity: Quantity,
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
-    """Reading in the quantity's unit and slow error as a rate, (n, 3) each, of three axes (S.3)."""
+    """Return readings (n, 3) in the quantity's unit and slow errors (n, 3) as rates (S.3).
+
+    `truth` (n, 3) is the ideal reading of three axes, `dt` the interval, s.
+    """
     if not axes:
         return truth, np.zeros_like(truth)
-    unit = dt if quantity == "increments" else 1.0
+    to_quantity = dt if quantity == "increments" else 1.0
     bias = np.empty_like(truth)
     reading = np.empty_like(truth)
     M = np.array(
@@ -255,7 +263,7 @@ def _erroneous(
         reading[:, i] = (
             truth[:, i]
             + truth @ M[i]
-            + unit * (bias[:, i] + simulate_noise(fast, len(truth), dt, rng))
+            + to_quantity * (bias[:, i] + simulate_noise(fast, len(truth), dt, rng))
         )
     return reading, bias
 
@@ -265,17 +273,17 @@ def antenna_states(motion: ExactMotion, lever_b: ArrayLike, time: Array) -> tupl
 
     The point is at `lever_b` (3,) m in body axes.
     """
-    C_lb, lever = motion.C_lb(time), np.asarray(lever_b, dtype=np.float64)
-    turn = np.cross(motion.omega_lb_b(time), lever)
-    return motion.position(time) + C_lb @ lever, motion.velocity(time) + np.einsum(
-        "nij,nj->ni", C_lb, turn
-    )
+    C_lb = motion.C_lb(time)
+    lever = np.asarray(lever_b, dtype=np.float64)
+    velocity_b = np.cross(motion.omega_lb_b(time), lever)
+    velocity = motion.velocity(time) + np.einsum("nij,nj->ni", C_lb, velocity_b)
+    return motion.position(time) + C_lb @ lever, velocity
 
 
 def simulate_events(
     flight: FlightMotion, missing_fraction: float, rng: np.random.Generator
 ) -> CameraEvents:
-    """Mid-exposure events of a flight; a share of them, drawn at random, is missing.
+    """Return mid-exposure events of a flight; a share of them, drawn at random, is missing.
 
     Raises
     ------
@@ -285,5 +293,5 @@ def simulate_events(
     if not 0.0 <= missing_fraction < 1.0:
         raise UsageError(f"a share of {missing_fraction} missing events; it lies between 0 and 1")
     keep = rng.random(flight.time.size) >= missing_fraction
-    names = tuple(name for name, kept in zip(flight.images, keep, strict=True) if kept)
+    names = tuple(name for name, has_event in zip(flight.images, keep, strict=True) if has_event)
     return CameraEvents(names, flight.time[keep], flight.gps_week, "simulated camera")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.simulation.path import Route, _candidate_ways, advance, shortest_way
+from insgnss.simulation.path import Route, _dubins_words, advance, shortest_way
 
 PI = np.pi
 
@@ -28,7 +28,7 @@ def test_every_word_ends_at_its_goal():
     for d, a, b in zip(
         rng.uniform(0.0, 6.0, 300), rng.uniform(-4, 4, 300), rng.uniform(-4, 4, 300), strict=True
     ):
-        for turns, lengths in _candidate_ways(d, a, b):
+        for turns, lengths in _dubins_words(d, a, b):
             pose = (0.0, 0.0, a)
             for turn, length in zip(turns, lengths, strict=True):
                 assert length >= 0.0

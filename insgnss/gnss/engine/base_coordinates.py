@@ -40,6 +40,12 @@ OTHER_PLACE_M, MEASURED_PLACE_M = 20.0, 5.0
 # distance from the median within which 90 % of the code positions of a base lie (m): 15, because
 # codes of a standing receiver scatter by some metres
 MOVES_M = 15.0
+# share of positions and speeds that a limit is compared with: 0.9, because some codes are outliers
+MOST_POINTS = 0.9
+# longest interval over which phases are differenced: s, and intervals of the observations, because
+# receivers of one epoch in 30 s would have none otherwise
+LEAST_GAP_S, GAP_INTERVALS = 2.0, 1.5
+NEARER = 3.0  # times that the rover has to be nearer to the base's coordinates to be the base
 # speed by phases (m/s) and share of time above it from which a receiver moves: a standing one has
 # 5 mm/s, and cycle slips pass for speed in a few epochs
 MOVES_MPS, MOVES_SHARE = 0.2, 0.05
@@ -74,7 +80,8 @@ class Whereabouts:
         """Build it from positions by codes at some epochs, and the phases."""
         points = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
         limits = VelocityOptions(
-            longest_s=max(2.0, 1.5 * interval(observations)), position_sd=ROUGHLY_M
+            longest_s=max(LEAST_GAP_S, GAP_INTERVALS * interval(observations)),
+            position_sd=ROUGHLY_M,
         )
         try:
             velocity = time_differenced_velocity(observations, navigation, fixes, limits)
@@ -92,17 +99,15 @@ class Whereabouts:
         """Return how the receiver moves, in words; empty where it stands."""
         moving = self.speed > MOVES_MPS + MOVING_SIGMAS * self.sd
         if moving.size and moving.mean() > MOVES_SHARE:
-            fast = np.quantile(self.speed[moving], 0.9)
+            fast = np.quantile(self.speed[moving], MOST_POINTS)
             return (
                 f"at {fast:.1f} m/s, and in {moving.mean():.0%} of its time (limit"
                 f" {MOVES_SHARE:.0%}) above {MOVES_MPS:g} m/s, by phase"
             )
-        spread = float(np.quantile(np.linalg.norm(self.points - self.middle, axis=1), 0.9))
-        return (
-            f"{spread:.0f} m about its median, by codes (limit {MOVES_M:.0f} m)"
-            if spread > MOVES_M
-            else ""
-        )
+        spread = float(np.quantile(np.linalg.norm(self.points - self.middle, axis=1), MOST_POINTS))
+        if spread <= MOVES_M:
+            return ""
+        return f"{spread:.0f} m about its median, by codes (limit {MOVES_M:.0f} m)"
 
 
 def check_base_place(
@@ -134,20 +139,23 @@ def check_base_place(
         where they say.
     """
     location = whereabouts(base)
-    stated = np.array(base_position(options, base.header)[0])
-    distance = float(np.linalg.norm(location.middle - stated))
+    stated_ecef = np.array(base_position(options, base.header)[0])
+    distance = float(np.linalg.norm(location.middle - stated_ecef))
     if motion := location.motion():
         raise InputError.in_file(
-            base.header.path, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
+            base.header.path,
+            f"the base moves: {motion}; {_advice_for_moving_base(rover, whereabouts)}",
         )
     if options.base_position_m is not None:
-        if _is_header_of_rover(stated, base.header, rover.header):
+        if _is_header_of_rover(stated_ecef, base.header, rover.header):
             message = (
                 f"the base coordinates are those in the header of the rover {rover.header.path},"
                 " not those in the base's own; are rover and base swapped?"
             )
             raise InputError.in_file(base.header.path, message)
-        if distance > MEASURED_PLACE_M and _stands_at(stated, distance, rover, whereabouts):
+        if distance > MEASURED_PLACE_M and _rover_stands_at(
+            stated_ecef, distance, rover, whereabouts
+        ):
             message = (
                 f"stands {distance:.0f} m from the base coordinates, but the rover"
                 f" {rover.header.path} stands at them: rover and base are swapped; exchange the two"
@@ -155,17 +163,16 @@ def check_base_place(
             )
             raise InputError.in_file(base.header.path, message)
     if distance > OTHER_PLACE_M:
-        whose = (
-            "the base coordinates"
-            if options.base_position_m is not None
-            else "APPROX POSITION XYZ of its header"
-        )
+        whose = "the base coordinates"
+        if options.base_position_m is None:
+            whose = "APPROX POSITION XYZ of its header"
         message = (
             f"stands {distance:.0f} m from {whose} (limit {OTHER_PLACE_M:.0f} m), by codes at"
             f" {in_degrees(location.middle)}"
         )
         raise InputError.in_file(
-            base.header.path, f"{message}; {_mistaken(stated, location.middle, options)}"
+            base.header.path,
+            f"{message}; {_advice_for_coordinates(stated_ecef, location.middle, options)}",
         )
     return _coordinate_notes(options, base.header, distance)
 
@@ -179,11 +186,13 @@ def in_degrees(ecef: Array) -> str:
     return f"{np.degrees(lat):.6f},{np.degrees(lon):.6f},{height:.1f}"
 
 
-def _mistaken(stated: Array, code_position: Array, options: EngineOptions) -> str:
-    """The mistake that makes coordinates (3,) of the position by codes (3,), else what to try."""
-    lat, lon, height = (float(x) for x in ecef_to_geodetic(stated))
+def _advice_for_coordinates(
+    stated_ecef: Array, code_position: Array, options: EngineOptions
+) -> str:
+    """Name the mistake that takes stated coordinates to the position by codes, (3,) m ECEF."""
+    lat, lon, height = (float(x) for x in ecef_to_geodetic(stated_ecef))
     if options.base_position_m is None:
-        return f"give {_coordinates()}"
+        return f"give {_coordinate_options()}"
 
     def agree(lat: float, lon: float, height: float) -> bool:
         distance = np.linalg.norm(geodetic_to_ecef(lat, lon, height) - code_position)
@@ -194,25 +203,27 @@ def _mistaken(stated: Array, code_position: Array, options: EngineOptions) -> st
         "latitude and longitude in radians": (math.degrees(lat), math.degrees(lon), height),
         "the height in feet": (lat, lon, FOOT_M * height),
     }
-    for mistake, taken in mistakes.items():
-        if agree(*taken):
+    for mistake, corrected in mistakes.items():
+        if agree(*corrected):
             return f"with {mistake} the coordinates agree; correct them"
-    above = float(ecef_to_geodetic(code_position)[2]) - height
-    if agree(lat, lon, height + above):
-        side = "above" if above > 0.0 else "below"
+    height_error = float(ecef_to_geodetic(code_position)[2]) - height
+    if agree(lat, lon, height + height_error):
+        side = "above" if height_error > 0.0 else "below"
         return (
-            f"only the height differs, the position by codes is {abs(above):.0f} m {side} it: give"
-            " the height above the ellipsoid, not above sea level"
+            f"only the height differs, the position by codes is {abs(height_error):.0f} m {side}"
+            " it: give the height above the ellipsoid, not above sea level"
         )
     return "check the base coordinates, or are rover and base swapped?"
 
 
-def _coordinates() -> str:
+def _coordinate_options() -> str:
     return f"{named('gnss.base_position')} and {named('gnss.base_point')}"
 
 
-def _of_moving(rover: Observations, whereabouts: Callable[[Observations], Whereabouts]) -> str:
-    """What to try where the base moves."""
+def _advice_for_moving_base(
+    rover: Observations, whereabouts: Callable[[Observations], Whereabouts]
+) -> str:
+    """Return the advice for a base that moves: whether the rover is the one that stands."""
     try:
         moves = bool(whereabouts(rover).motion())
     except DataError:
@@ -225,33 +236,33 @@ def _of_moving(rover: Observations, whereabouts: Callable[[Observations], Wherea
     return f"the rover {rover.header.path} stands: are rover and base swapped?"
 
 
-def _stands_at(
-    stated: Array,
+def _rover_stands_at(
+    stated_ecef: Array,
     distance: float,
     rover: Observations,
     whereabouts: Callable[[Observations], Whereabouts],
 ) -> bool:
-    """Whether the rover stands where the base is said to, several times closer than the base."""
+    """Return whether the rover stands at the base's coordinates (3,), m, `NEARER` than the base.
+
+    `distance` is that of the base from them, m.
+    """
     try:
         location = whereabouts(rover)
     except DataError:
         return False
-    return (
-        not location.motion() and float(np.linalg.norm(location.middle - stated)) < distance / 3.0
-    )
+    rover_distance = float(np.linalg.norm(location.middle - stated_ecef))
+    return not location.motion() and rover_distance < distance / NEARER
 
 
-def _is_header_of_rover(stated: Array, base: RinexHeader, rover: RinexHeader) -> bool:
-    """Whether the base's coordinates are those of the rover's header, and not near those of its
-    own.
-    """
+def _is_header_of_rover(stated_ecef: Array, base: RinexHeader, rover: RinexHeader) -> bool:
+    """Return whether coordinates (3,), m ECEF, are of the rover's header and not of the base's."""
     if (
         rover.approx_position_m is None
-        or np.linalg.norm(rover.approx_position_m - stated) > SAME_COORDINATES_M
+        or np.linalg.norm(rover.approx_position_m - stated_ecef) > SAME_COORDINATES_M
     ):
         return False
     return base.approx_position_m is None or bool(
-        np.linalg.norm(base.approx_position_m - stated) > OTHER_COORDINATES_M
+        np.linalg.norm(base.approx_position_m - stated_ecef) > OTHER_COORDINATES_M
     )
 
 
@@ -291,7 +302,7 @@ def _coordinate_notes(
             f"APPROX POSITION XYZ of {base.path}, {distance:.1f} m from its position by codes;"
             f" taken as {point}"
         )
-        advice = f"give {_coordinates()}; every position has the error of these coordinates"
+        advice = f"give {_coordinate_options()}; every position has the error of these coordinates"
         ask = Question("base coordinates", "coordinates that are known")
         checks.append(ask.note(finding, advice))
     elif distance > MEASURED_PLACE_M:

@@ -78,30 +78,31 @@ def combined(forward: Path, backward: Path, path: Path, kinematic: bool = True) 
         Whether the receiver moves: (C.2).
     """
     f, b = _Run.read(forward), _Run.read(backward)
-    near = np.minimum(np.searchsorted(b.time, f.time - SAME_S), b.time.size - 1)
-    simultaneous = np.abs(b.time[near] - f.time) <= SAME_S
-    i, j = np.flatnonzero(simultaneous), near[simultaneous]
+    nearest = np.minimum(np.searchsorted(b.time, f.time - SAME_S), b.time.size - 1)
+    simultaneous = np.abs(b.time[nearest] - f.time) <= SAME_S
+    i = np.flatnonzero(simultaneous)
+    j = nearest[simultaneous]
     order = PRIORITY[f.quality[i]] - PRIORITY[b.quality[j]]
     order = np.where(order == 0, b.sound[j].astype(int) - f.sound[i].astype(int), order)
     merged = (order == 0) & f.sound[i]
     of_backward = np.concatenate([np.setdiff1d(np.arange(b.time.size), j), j[order > 0]])
     of_forward = np.concatenate([np.flatnonzero(~simultaneous), i[(order <= 0) & ~merged]])
-    i, j = i[merged], j[merged]
-    together = _merged(f, b, i, j, kinematic)
-    values = [f.values[of_forward], b.values[of_backward], together]
-    lines = [run.lines[k] for run, taken in ((f, of_forward), (b, of_backward)) for k in taken]
-    lines += [_text(f, row, fields) for row, fields in zip(i, together, strict=True)]
-    in_time = np.argsort(
-        np.concatenate([f.time[of_forward], b.time[of_backward], f.time[i]]), kind="stable"
+    row = i[merged]
+    values_of_both = _merged(f, b, row, j[merged], kinematic)
+    values = [f.values[of_forward], b.values[of_backward], values_of_both]
+    lines = [run.lines[k] for run, indices in ((f, of_forward), (b, of_backward)) for k in indices]
+    lines += [_merged_line(f, k, fields) for k, fields in zip(row, values_of_both, strict=True)]
+    by_time = np.argsort(
+        np.concatenate([f.time[of_forward], b.time[of_backward], f.time[row]]), kind="stable"
     )
     table = replace(
         f.rows.table,
         path=str(path),
-        values=np.concatenate(values)[in_time],
-        lines=len(f.head) + 1 + np.arange(in_time.size),
+        values=np.concatenate(values)[by_time],
+        lines=len(f.head) + 1 + np.arange(by_time.size),
     )
     rows = {"forward": f.rows, "backward": b.rows, "combined": pos_rows(table, f.rows.header)}
-    return Combination(rows, [*f.head, *(lines[k] for k in in_time)])
+    return Combination(rows, [*f.head, *(lines[k] for k in by_time)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,28 +127,30 @@ class _Run:
 
     @classmethod
     def read(cls, path: Path) -> "_Run":
-        read = read_pos_rows(path)
-        text = path.read_bytes().splitlines(keepends=True)
+        """Read a `.pos` of latitude, longitude and height, once as numbers and once as text."""
+        rows = read_pos_rows(path)
+        text_lines = path.read_bytes().splitlines(keepends=True)
         names = ("latitude", "longitude", "height")
-        lat, lon, height = (read.columns[name] for name in names)
+        lat, lon, height = (rows.columns[name] for name in names)
         lat, lon = np.radians(lat), np.radians(lon)
-        cov = covariance_of_roots(np.column_stack([read.columns[n] for n in ROOTS["latitude"]]))
-        C = rotation_en(lat, lon) @ NED_NEU
+        cov = covariance_of_roots(np.column_stack([rows.columns[n] for n in ROOTS["latitude"]]))
+        C_e_neu = rotation_en(lat, lon) @ NED_NEU
         return cls(
-            [line for line in text if line.startswith(b"%")],
-            [text[line - 1] for line in read.table.lines.tolist()],
-            read,
-            read.time + read.gps_week * WEEK_S,
-            read.columns["Q"].astype(np.int64),
+            [line for line in text_lines if line.startswith(b"%")],
+            [text_lines[line - 1] for line in rows.table.lines.tolist()],
+            rows,
+            rows.time + rows.gps_week * WEEK_S,
+            rows.columns["Q"].astype(np.int64),
             geodetic_to_ecef(lat, lon, height),
-            C @ cov @ C.swapaxes(1, 2),
+            C_e_neu @ cov @ C_e_neu.swapaxes(1, 2),
             ~without_inverse(cov),
         )
 
 
 def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
-    """Numbers of the epochs i of one run and j of the other, by (C.1) and (C.2)."""
-    separation, total = b.position[j] - f.position[i], f.cov[i] + b.cov[j]
+    """Return the numbers (m, columns) of epochs i (m,) and j (m,) of the runs by (C.1), (C.2)."""
+    separation = b.position[j] - f.position[i]
+    total = f.cov[i] + b.cov[j]
     # P P_b^-1 = P_f (P_f + P_b)^-1, without an inverse of either
     gain = np.linalg.solve(total, f.cov[i]).swapaxes(1, 2)
     position = f.position[i] + np.einsum("nij,nj->ni", gain, separation)
@@ -156,8 +159,8 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
     doubtful = (f.quality[i] == FIXED_EPOCH) & (separation**2 > limit).any(axis=1) & kinematic
     quality = np.where(doubtful, FLOAT_EPOCH, f.quality[i])
     lat, lon, height = ecef_to_geodetic(position)
-    C = (rotation_en(lat, lon) @ NED_NEU).swapaxes(1, 2)
-    roots = _roots(C @ cov @ C.swapaxes(1, 2))
+    C_neu_e = (rotation_en(lat, lon) @ NED_NEU).swapaxes(1, 2)
+    roots = _signed_roots(C_neu_e @ cov @ C_neu_e.swapaxes(1, 2))
     columns = (np.degrees(lat), np.degrees(lon), height, quality, *roots.T)
     values = f.values[i]
     for (name, digits), column in zip(POS_DECIMALS.items(), columns, strict=True):
@@ -167,16 +170,17 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
     return values
 
 
-def _text(f: _Run, row: int, fields: Array) -> bytes:
-    """Line of an epoch of both runs: that of the forward run, with other numbers."""
-    text = f.lines[row].split()
+def _merged_line(f: _Run, row: int, fields: Array) -> bytes:
+    """Return the line `row` of the forward run with the merged numbers `fields` (columns,)."""
+    words = f.lines[row].split()
     for name, digits in POS_DECIMALS.items():
         column = f.rows.header.columns.index(name)
-        text[column] = b"%.*f" % (digits, fields[column])
-    return b" ".join(text) + b"\n"
+        words[column] = b"%.*f" % (digits, fields[column])
+    return b" ".join(words) + b"\n"
 
 
-def _roots(P: Array) -> Array:
-    """The signed roots (n, 6) of covariances."""
-    c = np.stack([P[:, k, m] for k, m in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))], axis=1)
-    return np.asarray(np.sign(c) * np.sqrt(np.abs(c)))
+def _signed_roots(cov: Array) -> Array:
+    """Return the signed roots (n, 6), m, of covariances (n, 3, 3), in the order of a `.pos`."""
+    order = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+    terms = np.stack([cov[:, k, m] for k, m in order], axis=1)
+    return np.asarray(np.sign(terms) * np.sqrt(np.abs(terms)))

@@ -27,11 +27,13 @@ from ..rinex.observations import read_observations
 
 MODULE = "pyrtklib5"
 MAKERS = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3", "ULOG": "PX4"}
+QUOTED_CHARACTERS = 200  # characters of the converter's message that an error quotes: a line or two
 BY_HAND = "convert the log to RINEX by hand, and give the RINEX file"
 # first bytes of a log, and frames that tell its format (chosen)
 HEAD_BYTES, LEAST_FRAMES = (1 << 14, 3)
 CONVERTED_WITHIN_S = 600.0  # of the converter: a damaged log must not hold the run (chosen)
 RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6  # first byte, and bytes about a message: head 3, CRC 3
+UBX_AROUND = 8  # bytes about a message of u-blox: sync 2, class and id 2, length 2, checksum 2
 UBX_SYNC, SBF_SYNC, ULOG = b"\xb5\x62", b"$@", b"ULog\x01\x12\x35"
 
 
@@ -39,30 +41,33 @@ def log_format(path: Path) -> str:
     """Return the name of a receiver's log, a key of `MAKERS`; empty for other files."""
     if not path.is_file():
         return ""
-    head = first_bytes(path, HEAD_BYTES)
-    if head.startswith(ULOG):
+    first_part = first_bytes(path, HEAD_BYTES)
+    if first_part.startswith(ULOG):
         return "ULOG"
-    if _ubx_frames(head) >= LEAST_FRAMES:
+    if _count_ubx_frames(first_part) >= LEAST_FRAMES:
         return "UBX"
-    if head.startswith(SBF_SYNC) and head.count(SBF_SYNC) >= LEAST_FRAMES:
+    if first_part.startswith(SBF_SYNC) and first_part.count(SBF_SYNC) >= LEAST_FRAMES:
         return "SEPT"
-    return "RTCM3" if _rtcm_frames(head) >= LEAST_FRAMES else ""
+    return "RTCM3" if _count_rtcm_frames(first_part) >= LEAST_FRAMES else ""
 
 
-def _ubx_frames(head: bytes) -> int:
-    """How many frames of u-blox follow each other from the first one on."""
-    start, count = head.find(UBX_SYNC), 0
-    while 0 <= start <= len(head) - 8 and head[start : start + 2] == UBX_SYNC:
-        count, start = count + 1, start + 8 + int.from_bytes(head[start + 4 : start + 6], "little")
-        start = head.find(UBX_SYNC, start) if head[start : start + 1] == b"$" else start
+def _count_ubx_frames(content: bytes) -> int:
+    """Count the frames of u-blox that follow each other from the first one on."""
+    start = content.find(UBX_SYNC)
+    count = 0
+    while 0 <= start <= len(content) - UBX_AROUND and content[start : start + 2] == UBX_SYNC:
+        count += 1
+        start += UBX_AROUND + int.from_bytes(content[start + 4 : start + 6], "little")
+        start = content.find(UBX_SYNC, start) if content[start : start + 1] == b"$" else start
     return count
 
 
-def _rtcm_frames(head: bytes) -> int:
-    """How many frames of RTCM 3 follow each other from the first byte on."""
-    start, count = 0, 0
-    while start <= len(head) - 3 and head[start] == RTCM_PREAMBLE and head[start + 1] < 4:
-        count, start = count + 1, start + RTCM_AROUND + (head[start + 1] << 8) + head[start + 2]
+def _count_rtcm_frames(content: bytes) -> int:
+    """Count the frames of RTCM 3 that follow each other from the first byte on."""
+    start = count = 0
+    while start <= len(content) - 3 and content[start] == RTCM_PREAMBLE and content[start + 1] < 4:
+        count += 1
+        start += RTCM_AROUND + (content[start + 1] << 8) + content[start + 2]
     return count
 
 
@@ -85,38 +90,43 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Rine
     DataError
         Where it finds no observations.
     """
-    form = log_format(path)
-    if not form:
+    stream = log_format(path)
+    if not stream:
         return RinexFile(path)
     if importlib.util.find_spec(MODULE) is None:
         raise InputError.in_file(
             path,
-            f"is a log of {MAKERS[form]}; its converter comes with pip install 'insgnss[ppk]'"
+            f"is a log of {MAKERS[stream]}; its converter comes with pip install 'insgnss[ppk]'"
             f" ({MODULE}), or give RINEX (convbin -v 3.04 {path.name}); {DOCTOR}",
         )
     directory.mkdir(parents=True, exist_ok=True)
-    if form == "ULOG":
+    if stream == "ULOG":
         return _of_autopilot(path, directory, navigation)
     observations = directory / f"{path.stem}.obs"
-    command = [form, str(path.absolute()), str(observations), str(directory / f"{path.stem}.nav")]
+    command = [
+        stream,
+        str(path.absolute()),
+        str(observations),
+        str(directory / f"{path.stem}.nav"),
+    ]
     week = ""
-    if form == "RTCM3":
+    if stream == "RTCM3":
         messages = read_navigation(navigation)
-        middle = float(np.median(messages.table[:, TOE]))
-        when = calendar_from_gps(messages.gps_week, middle, "gpst")
-        command.append(f"{when:%Y,%m,%d,%H,%M,%S}")
+        median_toe = float(np.median(messages.table[:, TOE]))
+        date = calendar_from_gps(messages.gps_week, median_toe, "gpst")
+        command.append(f"{date:%Y,%m,%d,%H,%M,%S}")
         week = ", its week by the navigation files"
     _run([sys.executable, "-m", "insgnss.gnss.engine.convert_worker", *command], path)
     if not observations.is_file():
         raise DataError(
-            f"{path}: {MAKERS[form]}: the converter found no raw observations in it; let the"
+            f"{path}: {MAKERS[stream]}: the converter found no raw observations in it; let the"
             " receiver log them (UBX-RXM-RAWX, RTCM 1074 to 1127), or give RINEX"
         )
     for written in (observations, observations.with_suffix(".nav")):
         if written.is_file():
             refuse_cut_off(written)
     epochs = read_observations(observations).time.size
-    finding = f"{path.name} is of {MAKERS[form]}: {epochs} epochs as RINEX 3.04{week}"
+    finding = f"{path.name} is of {MAKERS[stream]}: {epochs} epochs as RINEX 3.04{week}"
     check = Question("receiver log", "RINEX, or a log that the converter reads").ok(finding)
     return RinexFile(observations, (check,))
 
@@ -142,13 +152,15 @@ def _of_autopilot(path: Path, directory: Path, navigation: tuple[Path, ...]) -> 
 def _run(command: list[str], path: Path) -> None:
     """Run the converter; DataError where it fails."""
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, capture_output=True, text=True, timeout=CONVERTED_WITHIN_S, check=False
         )
     except subprocess.TimeoutExpired:
         raise DataError(
             f"{path}: the converter did not finish in {CONVERTED_WITHIN_S:g} s; {BY_HAND}"
         ) from None
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["nothing"])[-1]
-        raise DataError(f"{path}: the converter stopped; it said: {last[:200]}; {BY_HAND}")
+    if process.returncode:
+        last_line = (process.stderr.strip().splitlines() or ["nothing"])[-1]
+        raise DataError(
+            f"{path}: the converter stopped; it said: {last_line[:QUOTED_CHARACTERS]}; {BY_HAND}"
+        )

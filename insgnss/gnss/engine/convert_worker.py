@@ -16,17 +16,19 @@ def main(arguments: list[str]) -> int:
     """Run convrnx() on the arguments, and return its exit code."""
     import pyrtklib5 as rtklib
 
-    form, log, observations, navigation, *date = arguments
+    stream_format, log, observations, navigation, *date = arguments
     options = rtklib.rnxopt_t()
-    options.rnxver, options.navsys = RINEX_304, rtklib.SYS_ALL
-    options.obstype, options.freqtype = ALL_KINDS, ALL_FREQUENCIES
+    options.rnxver = RINEX_304
+    options.navsys = rtklib.SYS_ALL
+    options.obstype = ALL_KINDS
+    options.freqtype = ALL_FREQUENCIES
     if date:
         calendar = rtklib.Arr1Ddouble(6)
         for k, value in enumerate(date[0].split(",")):
             calendar[k] = float(value)
         options.trtcm = rtklib.epoch2time(calendar)
     files = [observations, navigation, *[""] * (OUTPUTS - 2)]
-    status = rtklib.convrnx(getattr(rtklib, f"STRFMT_{form}"), options, log, files)
+    status = rtklib.convrnx(getattr(rtklib, f"STRFMT_{stream_format}"), options, log, files)
     if status > 0:
         return 0
     sys.stderr.write(f"convrnx() returned {status}\n")

@@ -44,6 +44,11 @@ MOST_OF_CODES = 0.9
 # ambiguity that a change of code would end
 SHORT = 5
 CHUNK = 2000  # epochs that are put together at a time: 2000, some 10 MB
+TICKS_PER_S = 10_000_000  # of a stamp in RINEX, which has seven decimals of a second
+EPOCH_WIDTH = 36  # characters of the line of an epoch
+# characters of an observation in RINEX 3: its value F14.3, then flags of lock and strength
+VALUE_WIDTH, FIELD = 14, 16
+CODES_A_LINE = 13  # of SYS / # / OBS TYPES in RINEX 3
 HEADER_KEPT = (  # header records that the engine looks at, and names
     *("MARKER NAME", "REC # / TYPE / VERS", "ANT # / TYPE", "APPROX POSITION XYZ"),
     *("ANTENNA: DELTA H/E/N", "GLONASS SLOT / FRQ #", "GLONASS COD/PHS/BIS"),
@@ -73,16 +78,17 @@ def engine_observations(observations: Observations) -> tuple[bytes, str]:
         for letter, rows in rows_of_systems(o.satellite).items()
         if letter in ORDER
     }
-    head = [f"{'     3.04           OBSERVATION DATA    M':60}RINEX VERSION / TYPE"]
+    header = [f"{'     3.04           OBSERVATION DATA    M':60}RINEX VERSION / TYPE"]
     for label in HEADER_KEPT:
-        head += [f"{text:60}{label}" for text in o.header.records.get(label, ())]
+        header += [f"{record:60}{label}" for record in o.header.records.get(label, ())]
     for letter, (_, bands) in systems.items():
         codes = [f" {name}" for band in bands for name in band.names if name]
-        for k in range(0, len(codes), 13):
+        for k in range(0, len(codes), CODES_A_LINE):
             count = f"{letter}  {len(codes):3d}" if k == 0 else " " * 6
-            head.append(f"{count + ''.join(codes[k : k + 13]):60}SYS / # / OBS TYPES")
-    head.append(f"{'GPS':>51}{'':9}TIME OF FIRST OBS\n{'':60}END OF HEADER\n")
-    text = "\n".join(head).encode("latin-1", "replace") + b"".join(_epochs(o, systems))
+            line = count + "".join(codes[k : k + CODES_A_LINE])
+            header.append(f"{line:60}SYS / # / OBS TYPES")
+    header.append(f"{'GPS':>51}{'':9}TIME OF FIRST OBS\n{'':60}END OF HEADER\n")
+    text = "\n".join(header).encode("latin-1", "replace") + b"".join(_epoch_lines(o, systems))
     phases = {
         letter: [" "] + [MIXED_CODES.join(band.used) for band in bands if band.used]
         for letter, (_, bands) in systems.items()
@@ -91,7 +97,7 @@ def engine_observations(observations: Observations) -> tuple[bytes, str]:
 
 
 def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
-    """Bands of the satellites of one system that have a value."""
+    """Return the bands in which `rows` (m,), the satellites of one system, have a value."""
     _, satellite = unique_satellites(o.satellite[rows])
     bands = []
     for band, order in ORDER[letter].items():
@@ -107,7 +113,7 @@ def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
         )
         values = np.where(columns < 0, np.nan, o.values[rows][:, columns])  # (m, kinds, codes)
         finite = np.isfinite(values)
-        chosen = _chosen(finite[:, PHASE], satellite)
+        chosen = _phase_codes_of_rows(finite[:, PHASE], satellite)
         # of each kind the code of the phase, else the first that has a value
         fitting = finite.astype(np.int8)
         fitting[np.arange(rows.size), :, chosen] *= np.where(chosen < 0, 1, 2)[:, None]
@@ -120,94 +126,94 @@ def _bands(o: Observations, letter: str, rows: Index) -> list[_Band]:
             continue
         column = columns[pick[1], code]
         lock, strength = (flags[rows[:, None], column] for flags in (o.loss_of_lock, o.strength))
-        lock[_changes(chosen, satellite), PHASE] |= LOCK_LOST
+        lock[_rows_of_code_changes(chosen, satellite), PHASE] |= LOCK_LOST
         count = np.bincount(chosen[chosen >= 0], minlength=len(codes))
         used = [codes[k] for k in np.argsort(-count, kind="stable") if count[k]]
-        of_codes = np.bincount(code[np.isfinite(filled[:, 0]), 0], minlength=len(codes))
-        name = band + (used or [codes[int(of_codes.argmax())]])[0]
+        code_count = np.bincount(code[np.isfinite(filled[:, 0]), 0], minlength=len(codes))
+        name = band + (used or [codes[int(code_count.argmax())]])[0]
         names = tuple(
-            kind + name if some else ""
-            for kind, some in zip(IN_BAND, np.isfinite(filled).any(axis=0), strict=True)
+            kind + name if has_value else ""
+            for kind, has_value in zip(IN_BAND, np.isfinite(filled).any(axis=0), strict=True)
         )
         phases = tuple(f"L{band}{c}" for c in used)
         bands.append(_Band(names, phases, filled, np.where(lock > 0, lock, 0), strength))
     return bands
 
 
-def _chosen(phases: NDArray[np.bool_], satellite: Index) -> Index:
-    """Code (m,) of each row's phase, whose codes are `phases` (m, codes); -1 for none."""
+def _phase_codes_of_rows(phases: NDArray[np.bool_], satellite: Index) -> Index:
+    """Return the code (m,) whose phase each row takes, -1 for none, of `phases` (m, codes)."""
     chosen = np.full(satellite.size, -1)
     for number in range(int(satellite.max(initial=-1)) + 1):
-        mine = np.flatnonzero(satellite == number)
-        has = phases[mine]
-        count = has.sum(axis=0)
-        main = int(np.argmax(count >= MOST_OF_CODES * max(int(count.max()), 1)))
-        chosen[mine[has[:, main]]] = main
-        edges = np.flatnonzero(np.diff(np.pad(~has[:, main], 1).astype(np.int8)))
-        for first, behind in zip(edges[::2], edges[1::2], strict=True):
-            gap = has[first:behind]
+        rows_of_satellite = np.flatnonzero(satellite == number)
+        has_phase = phases[rows_of_satellite]
+        count = has_phase.sum(axis=0)
+        main_code = int(np.argmax(count >= MOST_OF_CODES * max(int(count.max()), 1)))
+        chosen[rows_of_satellite[has_phase[:, main_code]]] = main_code
+        edges = np.flatnonzero(np.diff(np.pad(~has_phase[:, main_code], 1).astype(np.int8)))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            gap = has_phase[start:stop]
             filler = int(gap.sum(axis=0).argmax())
             if gap[:, filler].sum() > SHORT:
-                chosen[mine[first:behind][gap[:, filler]]] = filler
+                chosen[rows_of_satellite[start:stop][gap[:, filler]]] = filler
     return chosen
 
 
-def _changes(chosen: Index, satellite: Index) -> Index:
-    """Rows whose phase is of another code than the satellite's last one."""
-    rows = np.flatnonzero(chosen >= 0)
-    rows = rows[np.argsort(satellite[rows], kind="stable")]
-    same = satellite[rows[1:]] == satellite[rows[:-1]]
-    return rows[1:][same & (chosen[rows[1:]] != chosen[rows[:-1]])]
+def _rows_of_code_changes(chosen: Index, satellite: Index) -> Index:
+    """Return the rows whose phase is of another code than the satellite's phase before."""
+    with_phase = np.flatnonzero(chosen >= 0)
+    rows = with_phase[np.argsort(satellite[with_phase], kind="stable")]
+    same_satellite = satellite[rows[1:]] == satellite[rows[:-1]]
+    return rows[1:][same_satellite & (chosen[rows[1:]] != chosen[rows[:-1]])]
 
 
-def _epochs(o: Observations, systems: Mapping[str, tuple[Index, list[_Band]]]) -> Iterator[bytes]:
-    """Lines of the epochs and their satellites."""
+def _epoch_lines(
+    o: Observations, systems: Mapping[str, tuple[Index, list[_Band]]]
+) -> Iterator[bytes]:
+    """Yield the lines of `CHUNK` epochs and their satellites at a time, RINEX 3.04."""
     width = {
-        letter: 3 + 16 * sum(bool(name) for band in bands for name in band.names)
+        letter: 3 + FIELD * sum(bool(name) for band in bands for name in band.names)
         for letter, (_, bands) in systems.items()
     }
-    longest = max(36, *width.values()) if width else 36
-    ticks = np.rint(1e7 * o.time).astype(np.int64)
-    start = np.datetime64(int(GPS_EPOCH_UNIX_S + o.gps_week * WEEK_S), "s")
+    longest = max(EPOCH_WIDTH, *width.values()) if width else EPOCH_WIDTH
+    ticks = np.rint(TICKS_PER_S * o.time).astype(np.int64)
+    week_start = np.datetime64(int(GPS_EPOCH_UNIX_S + o.gps_week * WEEK_S), "s")
     count = np.zeros(o.time.size, dtype=np.int64)
     for rows, _ in systems.values():
         count += np.bincount(o.epoch[rows], minlength=count.size)
-    for first in range(0, o.time.size, CHUNK):
-        epochs = np.arange(first, min(first + CHUNK, o.time.size))
-        begin, behind = np.searchsorted(o.epoch, (epochs[0], epochs[-1] + 1))
+    for first_epoch in range(0, o.time.size, CHUNK):
+        epochs = np.arange(first_epoch, min(first_epoch + CHUNK, o.time.size))
+        start, stop = np.searchsorted(o.epoch, (epochs[0], epochs[-1] + 1))
         # a line an epoch, before those of its satellites
-        line = np.arange(behind - begin) + o.epoch[begin:behind] - first + 1
-        heads = np.searchsorted(o.epoch[begin:behind], epochs) + np.arange(epochs.size)
-        text = np.full((behind - begin + epochs.size, longest + 1), ord(" "), dtype=np.uint8)
-        size = np.zeros(len(text), dtype=np.int64)
-        for k, head in zip(epochs.tolist(), heads.tolist(), strict=True):
-            second, fraction = divmod(int(ticks[k]), 10_000_000)
-            when = (start + second).item()
-            record = f"> {when:%Y %m %d %H %M %S}.{fraction:07d}  {o.flag[k]}{count[k]:3d}\n"
-            text[head, : len(record)] = np.frombuffer(record.encode(), dtype=np.uint8)
-            size[head] = len(record) if count[k] else 0
+        satellite_line = np.arange(stop - start) + o.epoch[start:stop] - first_epoch + 1
+        epoch_line = np.searchsorted(o.epoch[start:stop], epochs) + np.arange(epochs.size)
+        text = np.full((stop - start + epochs.size, longest + 1), ord(" "), dtype=np.uint8)
+        length = np.zeros(len(text), dtype=np.int64)
+        for k, line in zip(epochs.tolist(), epoch_line.tolist(), strict=True):
+            second, fraction = divmod(int(ticks[k]), TICKS_PER_S)
+            date = (week_start + second).item()
+            record = f"> {date:%Y %m %d %H %M %S}.{fraction:07d}  {o.flag[k]}{count[k]:3d}\n"
+            text[line, : len(record)] = np.frombuffer(record.encode(), dtype=np.uint8)
+            length[line] = len(record) if count[k] else 0
         for letter, (rows, bands) in systems.items():
-            a, b = np.searchsorted(rows, (begin, behind))
-            lines_of = line[rows[a:b] - begin]
-            names = np.ascontiguousarray(o.satellite[rows[a:b]], dtype="S3")
-            text[lines_of, :3] = names.view(np.uint8).reshape(-1, 3)
-            text[lines_of, width[letter]], size[lines_of] = ord("\n"), width[letter] + 1
-            start_column = 3
+            within = slice(*np.searchsorted(rows, (start, stop)))
+            lines = satellite_line[rows[within] - start]
+            names = np.ascontiguousarray(o.satellite[rows[within]], dtype="S3")
+            text[lines, :3] = names.view(np.uint8).reshape(-1, 3)
+            text[lines, width[letter]] = ord("\n")
+            length[lines] = width[letter] + 1
+            column = 3
             for band in bands:
                 for k in [k for k, name in enumerate(band.names) if name]:
-                    text[lines_of, start_column : start_column + 14] = _f14_3(band.values[a:b, k])
-                    for flag_column, flags in (
-                        (14, band.lock[a:b, k]),
-                        (15, band.strength[a:b, k]),
-                    ):
-                        text[lines_of, start_column + flag_column] = np.where(
-                            flags > 0, flags + ord("0"), ord(" ")
-                        )
-                    start_column += 16
-        yield text[np.arange(longest + 1) < size[:, None]].tobytes()
+                    end = column + VALUE_WIDTH
+                    text[lines, column:end] = _format_f14_3(band.values[within, k])
+                    for flags in (band.lock[within, k], band.strength[within, k]):
+                        text[lines, end] = np.where(flags > 0, flags + ord("0"), ord(" "))
+                        end += 1
+                    column += FIELD
+        yield text[np.arange(longest + 1) < length[:, None]].tobytes()
 
 
-def _f14_3(x: Array) -> NDArray[np.uint8]:
+def _format_f14_3(x: Array) -> NDArray[np.uint8]:
     """Characters (m, 14) of numbers (m,) with three decimals; blanks for what is none."""
     out = np.full((x.size, 14), ord(" "), dtype=np.uint8)
     finite = np.isfinite(x)

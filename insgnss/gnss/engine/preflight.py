@@ -66,56 +66,61 @@ def within_navigation(observations: Observations, navigation: Navigation) -> Obs
     The first epochs of a receiver that does not know the date yet are of 1980 or another year. No
     epoch is left out where none would stay, which `check_navigation` refuses.
     """
-    toe, time = navigation.gps_week * WEEK_S + navigation.table[:, TOE], absolute(observations)
-    first, last = DAY_S * (toe.min() // DAY_S), DAY_S * (toe.max() // DAY_S + 1.0)
-    inside = (time > first - EPHEMERIS_AGE_S) & (time < last + EPHEMERIS_AGE_S)
+    toe = navigation.gps_week * WEEK_S + navigation.table[:, TOE]
+    time = absolute(observations)
+    start = DAY_S * (toe.min() // DAY_S)
+    end = DAY_S * (toe.max() // DAY_S + 1.0)
+    inside = (time > start - EPHEMERIS_AGE_S) & (time < end + EPHEMERIS_AGE_S)
     if inside.all() or not inside.any():
         return observations
-    away = time[~inside]
+    outside_s = time[~inside]
     finding = (
-        f"{away.size} of {time.size} epochs of {observations.header.path} left out, of"
-        f" {_date(away[0])} to {_date(away[-1])}: the navigation file has no data of these days"
+        f"{outside_s.size} of {time.size} epochs of {observations.header.path} left out, of"
+        f" {_date(outside_s[0])} to {_date(outside_s[-1])}: the navigation file has no data of"
+        " these days"
     )
     advice = (
         "the receiver did not know the date yet; if the dates are right, add the navigation files"
         " of these days"
     )
     check = Finding("epochs", finding, "days of the navigation", "note", advice)
-    inner = observations.only(np.flatnonzero(inside))
-    return replace(inner, notes=(*inner.notes, check))
+    kept = observations.only(np.flatnonzero(inside))
+    return replace(kept, notes=(*kept.notes, check))
 
 
 def _check_base_times(
     rover: Observations, base: Observations, max_age_s: float
 ) -> tuple[Finding, ...]:
     """A note where epochs of the rover are without one of the base, InputError where all are."""
-    time, reference, pace = absolute(rover), absolute(base), interval(base)
-    near = _near(time, reference, max_age_s)
-    within_pace = _near(time, reference, max(max_age_s, pace))
+    time, reference = absolute(rover), absolute(base)
+    pace = interval(base)
+    has_base = _has_epoch_within(time, reference, max_age_s)
+    has_base_at_pace = _has_epoch_within(time, reference, max(max_age_s, pace))
     rare = f"raise max_age_s (--max-age) to {pace:g} s at least"
     rare += f": the base has epochs every {pace:g} s"
-    if not within_pace.any():
+    if not has_base_at_pace.any():
         message = (
             f"{_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common time; is"
             " this the base file of another day?"
         )
         raise InputError.in_file(base.header.path, message)
-    if not near.any():
+    if not has_base.any():
         message = (
             f"has no epoch within max_age_s = {max_age_s:g} s of any epoch of the rover"
             f" {rover.header.path}; {rare}"
         )
         raise InputError.in_file(base.header.path, message)
-    if near.all():
+    if has_base.all():
         return ()
-    finding = f"{near.mean():.1%} of {near.size} epochs; the base's file is {_span(base)}"
+    finding = f"{has_base.mean():.1%} of {has_base.size} epochs; the base's file is {_span(base)}"
     inside = (time >= reference[0]) & (time <= reference[-1])
     reasons = {
-        rare: inside & within_pace,
-        "the base has gaps: give another, or raise max_age_s (--max-age)": inside & ~within_pace,
+        rare: inside & has_base_at_pace,
+        "the base has gaps: give another, or raise max_age_s (--max-age)": inside
+        & ~has_base_at_pace,
         "give base files that cover the whole flight": ~inside,
     }
-    advice = "; ".join(reason for reason, those in reasons.items() if (those & ~near).any())
+    advice = "; ".join(reason for reason, those in reasons.items() if (those & ~has_base).any())
     return (Question("epochs with a base", f"all within {max_age_s:g} s").note(finding, advice),)
 
 
@@ -129,12 +134,13 @@ def interval(observations: Observations) -> float:
     return float(np.median(np.diff(observations.time))) if observations.time.size > 1 else 1.0
 
 
-def _near(time: Array, base: Array, age: float) -> NDArray[np.bool_]:
-    """Which of `time` have a base epoch within `age` s."""
-    after = np.searchsorted(base, time)
-    behind = np.abs(time - base[np.maximum(after - 1, 0)])
+def _has_epoch_within(time: Array, base: Array, age: float) -> NDArray[np.bool_]:
+    """Return which of `time` (n,) have an epoch of `base` (m,) within `age`, all in s."""
+    following = np.searchsorted(base, time)
+    age_of_previous = np.abs(time - base[np.maximum(following - 1, 0)])
     return np.asarray(
-        np.minimum(behind, np.abs(base[np.minimum(after, base.size - 1)] - time)) <= age
+        np.minimum(age_of_previous, np.abs(base[np.minimum(following, base.size - 1)] - time))
+        <= age
     )
 
 
@@ -148,7 +154,9 @@ def _date(seconds: float) -> str:
 
 
 def _check_frequencies(observations: Observations, options: EngineOptions) -> None:
-    path, n = observations.header.path, observations.time.size
+    """Refuse observations whose epochs mostly lack phases of the requested frequencies."""
+    path = observations.header.path
+    n = observations.time.size
     if n == 0:
         raise InputError.in_file(path, "has no epochs; is the file truncated?")
     rows = satellites_with_phases(observations, options)
@@ -156,21 +164,21 @@ def _check_frequencies(observations: Observations, options: EngineOptions) -> No
     share = float(np.mean(count >= FEWEST_SATELLITES))
     if share >= FEWEST_SHARE:
         return
-    most = (
+    finding = (
         f"{share:.0%} of its epochs have {FEWEST_SATELLITES} satellites with phases of"
         f" {options.frequencies} frequencies"
     )
     if options.frequencies == 1:
         raise DataError(
-            f"{path}: only {most} (systems {options.systems}; limit {FEWEST_SHARE:.0%}); does the"
-            " receiver log carrier phases?"
+            f"{path}: only {finding} (systems {options.systems}; limit {FEWEST_SHARE:.0%}); does"
+            " the receiver log carrier phases?"
         )
     advice = (
         "log both frequencies, or set frequencies = 3 for L1 with L5, or 1 for L1 alone, whose"
         " ambiguities are seldom fixed in flight"
     )
     raise DataError(
-        f"{path}: only {most} (systems {options.systems}; limit {FEWEST_SHARE:.0%}; second:"
+        f"{path}: only {finding} (systems {options.systems}; limit {FEWEST_SHARE:.0%}; second:"
         f" {SECOND}); single-frequency receiver? {advice}"
     )
 
@@ -185,11 +193,9 @@ def _check_third(
     if have[0] & have[1]:
         return ()
     lacking = [o.header.path for o, systems in zip((rover, base), have, strict=True) if not systems]
-    finding = (
-        f"no phases of a third frequency in {' and '.join(lacking)}"
-        if lacking
-        else "no system has its third frequency in both files"
-    )
+    finding = "no system has its third frequency in both files"
+    if lacking:
+        finding = f"no phases of a third frequency in {' and '.join(lacking)}"
     advice = f"{setting('gnss.frequencies', 2)} is what can be solved with these files"
     return (Question("frequencies", "systems with three in both").note(finding, advice),)
 
@@ -253,29 +259,26 @@ def check_navigation(
         return checks
     toe_of = {letter: toe[navigation.satellite.astype("U1") == letter] for letter in missing}
     navigation_systems = "; ".join(
-        f"those of {letter} are of {_date(of.min())} to {_date(of.max())}"
-        for letter, of in toe_of.items()
-        if of.size
+        f"those of {letter} are of {_date(times.min())} to {_date(times.max())}"
+        for letter, times in toe_of.items()
+        if times.size
     )
     if "G" in missing:
         message = (
             f"no ephemerides of GPS for {_span(rover)[3:]}, which the rover {rover.header.path}"
             " observes"
         )
-        advice = (
-            f"{navigation_systems}; give the navigation of that day"
-            if toe_of["G"].size
-            else "add its navigation file"
-        )
+        remedy = "add its navigation file"
+        if toe_of["G"].size:
+            remedy = f"{navigation_systems}; give the navigation of that day"
         raise InputError(
-            f"{navigation.source}: {message}; {advice}, or leave G out of {named('gnss.systems')}"
+            f"{navigation.source}: {message}; {remedy}, or leave G out of {named('gnss.systems')}"
         )
-    finding = f"none of {' '.join(missing)} for {_span(rover)[3:]}: these systems are left out" + (
-        f"; {navigation_systems}" if navigation_systems else ""
-    )
-    advice = (
-        "give the navigation of that day" if navigation_systems else "add their navigation file"
-    )
+    finding = f"none of {' '.join(missing)} for {_span(rover)[3:]}: these systems are left out"
+    advice = "add their navigation file"
+    if navigation_systems:
+        finding += f"; {navigation_systems}"
+        advice = "give the navigation of that day"
     ask = Question("navigation", "ephemerides of every system observed")
     return (*checks, ask.note(finding, advice))
 

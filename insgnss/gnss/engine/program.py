@@ -49,12 +49,10 @@ def engine_command(engine: str = "auto") -> list[str]:
     if program is None:
         if engine == "auto":
             raise UsageError(INSTALL)
-        instead = (
-            INSTALL
-            if importlib.util.find_spec(MODULE) is None
-            else f"leave the option out to use {MODULE}, which is installed"
-        )
-        raise OptionError("gnss.engine", f"no program that can be run; {instead}", engine)
+        remedy = f"leave the option out to use {MODULE}, which is installed"
+        if importlib.util.find_spec(MODULE) is None:
+            remedy = INSTALL
+        raise OptionError("gnss.engine", f"no program that can be run; {remedy}", engine)
     return [str(Path(program).resolve())]
 
 
@@ -76,10 +74,10 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
     """
     if command[0] == sys.executable:
         return ()
-    held = binary(Path(command[0]))
+    content = binary(Path(command[0]))
     requested = [line.split("=")[0] for line in text.splitlines()]
     ask = Question("engine options", "options that it knows")
-    if OF_ALL_VERSIONS not in held:
+    if OF_ALL_VERSIONS not in content:
         finding = (
             f"{command[0]} does not show whether it knows these options:"
             f" {' '.join(options.rtklib_options)}"
@@ -89,11 +87,11 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
             " script that calls it"
         )
         return (ask.note(finding, advice),) if options.rtklib_options else ()
-    unknown = [name for name in requested if name.encode() + b"\0" not in held]
-    if wrong := [name for name in unknown if name in options.rtklib_options]:
-        options_held = re.findall(OPTION_NAME.encode() + rb"(?=\0)", held)
-        available = [name.decode() for name in options_held]
-        problem = f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], available)}"
+    unknown = [name for name in requested if name.encode() + b"\0" not in content]
+    if refused := [name for name in unknown if name in options.rtklib_options]:
+        names_in_program = re.findall(OPTION_NAME.encode() + rb"(?=\0)", content)
+        available = [name.decode() for name in names_in_program]
+        problem = f"{command[0]} has no option {refused[0]}{nearest(refused[0], available)}"
         raise OptionError("gnss.rtklib_options", problem)
     if not unknown:
         return ()
@@ -102,7 +100,7 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
 
 
 def binary(program: Path) -> bytes:
-    """The program's file, empty where it may be run but not read."""
+    """Return the bytes of the program's file, empty where it may be run but not read."""
     try:
         return program.read_bytes()
     except OSError:
@@ -110,7 +108,7 @@ def binary(program: Path) -> bytes:
 
 
 def version(path: Path, command: Sequence[str]) -> str:
-    """Engine and version, as it writes them into its output."""
+    """Return the engine and its version, as it writes them into its output."""
     name = MODULE if command[0] == sys.executable else command[0]
     with path.open(encoding="utf-8", errors="replace") as stream:
         match = PROGRAM_LINE.match(next(stream, ""))

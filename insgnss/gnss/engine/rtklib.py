@@ -115,18 +115,16 @@ def solve(
         within_navigation(read_observations(path), broadcast) for path in (rover, base)
     )
     checks = [] if observations else [*moving.notes, *standing.notes]
-    pace = interval(moving), interval(standing)
-    checks += [
-        *check_observations(moving, standing, options),
-        *check_navigation(broadcast, moving, options),
-    ]
-    checks += check_dynamics(options, pace[0])
+    intervals = interval(moving), interval(standing)
+    checks += check_observations(moving, standing, options)
+    checks += check_navigation(broadcast, moving, options)
+    checks += check_dynamics(options, intervals[0])
     texts: dict[str, str] = {
-        direction: option_file(options, standing.header, direction, *pace)
+        direction: option_file(options, standing.header, direction, *intervals)
         for direction in PASSES_OF_ENGINE
     }
     checks += check_names(command, texts["forward"], options)
-    target = _made(Path(directory))
+    target = _make_directory(Path(directory))
     observed, codes = zip(*map(engine_observations, (moving, standing)), strict=True)
     with scratch_directory(target) as scratch:
         runs = Runs(command, scratch, options)
@@ -144,12 +142,14 @@ def solve(
         engine = version(runs.scratch / "forward.pos", command)
         for direction, text in texts.items():
             atomic_write(target / f"{direction}.conf", text)
-            atomic_write(target / f"{direction}.pos", _in_order(runs.scratch / f"{direction}.pos"))
+            atomic_write(
+                target / f"{direction}.pos", _lines_by_time(runs.scratch / f"{direction}.pos")
+            )
     pos = {name: target / f"{name}.pos" for name in ("combined", *PASSES_OF_ENGINE)}
-    moves = f"pos1-posmode={KINEMATIC_MODE}" in texts["forward"].splitlines()
-    together = combined(pos["forward"], pos["backward"], pos["combined"], moves)
-    atomic_write(pos["combined"], together.lines)
-    conf: dict[str, Path] = {
+    is_kinematic = f"pos1-posmode={KINEMATIC_MODE}" in texts["forward"].splitlines()
+    solution = combined(pos["forward"], pos["backward"], pos["combined"], is_kinematic)
+    atomic_write(pos["combined"], solution.lines)
+    option_files: dict[str, Path] = {
         direction: target / f"{direction}.conf" for direction in PASSES_OF_ENGINE
     }
     checks += [*_check_refused(ends), *check_version(engine)]
@@ -158,14 +158,15 @@ def solve(
         engine=engine,
         cpu_s=sum(cpu.values()),
         cpu_of=cpu,
-        option_files=conf,
-        rows=together.rows,
+        option_files=option_files,
+        rows=solution.rows,
         checks=tuple(checks),
         codes=codes,
     )
 
 
-def _made(directory: Path) -> Path:
+def _make_directory(directory: Path) -> Path:
+    """Make the directory where it does not exist; UsageError where that fails."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -185,12 +186,13 @@ def _check_refused(ends: Mapping[str, "RunEnd"]) -> tuple[Finding, ...]:
     return (Question("engine options", "values that it takes").note(finding, advice),)
 
 
-def _in_order(path: Path) -> list[bytes]:
-    """Lines of an output in order of time; RTKLIB writes those of a backward run from the last
-    epoch to the first.
+def _lines_by_time(path: Path) -> list[bytes]:
+    """Return the lines of an output in order of time.
+
+    RTKLIB writes those of a backward run from the last epoch to the first.
     """
     lines = path.read_bytes().splitlines(keepends=True)
-    head = [line for line in lines if line.startswith(b"%")]
+    header = [line for line in lines if line.startswith(b"%")]
     rows = [line for line in lines if not line.startswith(b"%") and line.strip()]
-    first, last = ([float(field) for field in rows[k].split()[:2]] for k in (0, -1))
-    return head + (rows if first <= last else rows[::-1])
+    first_stamp, last_stamp = ([float(field) for field in rows[k].split()[:2]] for k in (0, -1))
+    return header + (rows if first_stamp <= last_stamp else rows[::-1])

@@ -43,9 +43,10 @@ REFUSED = re.compile(r"invalid option value (\S+)")
 UNKNOWN_OPTION = 2  # exit code of our worker for an option that its RTKLIB does not have
 WHERE = "where_"  # runs that find where a receiver stands
 POLL_S = 0.02  # s between two looks whether a process has ended
+INTERVALS_S = (1.0, 5.0, 10.0, 30.0)  # s, of thinned epochs: those at which receivers log
 THINNED = 60  # least epochs of a position by codes where they are thinned
-# bytes of an output where refusals stand; characters quoted of its end
-OUTPUT_HEAD_BYTES, TAIL = 8192, 200
+# bytes of an output where refusals stand; characters quoted of its end, and bytes that hold them
+OUTPUT_HEAD_BYTES, TAIL, TAIL_BYTES = 8192, 200, 2000
 
 
 class RunEnd(NamedTuple):
@@ -72,8 +73,10 @@ class Runs:
     options: EngineOptions
 
     def stage(self, observed: Sequence[bytes], navigation: Sequence[Source]) -> list[str]:
-        """Put the inputs into the directory: observations of rover and base as `normalised` has
-        them, navigation unpacked; their names there."""
+        """Write the inputs into the directory and return their names.
+
+        Observations of rover and base are as `normalised` has them, navigation is unpacked.
+        """
         names = ["rover.obs", "base.obs"]
         names += [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)]
         contents = (*observed, *map(navigation_bytes, navigation))
@@ -86,22 +89,22 @@ class Runs:
     def single_points(
         self, name: str, navigation: Sequence[str], observations: Observations
     ) -> GnssFixes:
-        """Positions of a receiver by codes alone, at some 60 epochs; name.obs is its file."""
+        """Return positions by codes alone, at some 60 epochs, of the receiver of name.obs."""
         stamps = absolute(observations)
-        thinned = next(
-            (s for s in (1.0, 5.0, 10.0, 30.0) if s * THINNED > stamps[-1] - stamps[0]), 30.0
-        )
-        where = self.scratch / f"{WHERE}{name}.pos"
-        where.with_suffix(".conf").write_text(single_point_file(self.options), encoding="utf-8")
-        # thinned are epochs on full seconds
-        for every in (thinned, 0.0) if interval(observations) < thinned else (0.0,):
+        span_s = stamps[-1] - stamps[0]
+        thinned = next((s for s in INTERVALS_S if s * THINNED > span_s), INTERVALS_S[-1])
+        path = self.scratch / f"{WHERE}{name}.pos"
+        path.with_suffix(".conf").write_text(single_point_file(self.options), encoding="utf-8")
+        # only epochs on full seconds remain, and there may be none of them: then all are taken
+        for interval_s in (thinned, 0.0) if interval(observations) < thinned else (0.0,):
+            files = [f"{name}.obs", *navigation]
             try:
-                end = self.run(where.stem, [f"{name}.obs", *navigation], threading.Event(), every)
+                end = self.run(path.stem, files, threading.Event(), interval_s)
             except DataError as refusal:
                 self._check_program(str(refusal))
                 raise
-            if _has_epochs(where):
-                return read_rtklib_pos(where)
+            if _has_epochs(path):
+                return read_rtklib_pos(path)
             self._check_program(end.statement)
         message = (
             "no position from codes; check that the file has codes and that the navigation files"
@@ -113,9 +116,8 @@ class Runs:
         """UsageError where a program has left no output yet and does not hold RTKLIB's options, as
         a wrapper would not either.
         """
-        silent = not any(self.scratch.glob("*.pos"))
         if (
-            silent
+            not any(self.scratch.glob("*.pos"))
             and self.command[0] != sys.executable
             and OF_ALL_VERSIONS not in binary(Path(self.command[0]))
         ):
@@ -125,7 +127,7 @@ class Runs:
     def both(
         self, texts: Mapping[str, str], names: Sequence[str], epochs: int, say: Progress
     ) -> dict[str, RunEnd]:
-        """The end of each run over so many epochs; the first error ends the others."""
+        """Run each direction over so many epochs and return how it ended; an error ends all."""
         for direction, text in texts.items():
             (self.scratch / f"{direction}.conf").write_text(text, encoding="utf-8")
         stop = threading.Event()
@@ -149,12 +151,12 @@ class Runs:
         return {direction: ends[direction] for direction in texts}
 
     def _epochs_of(self, direction: str) -> int:
-        """How many epochs a run that has not ended has written."""
+        """Count the epochs that a run that has not ended has written."""
         path = self.scratch / f"{direction}.pos"
         return path.read_bytes().count(b"\n") if path.is_file() else 0
 
     def solution(self, direction: str, names: Sequence[str], stop: threading.Event) -> RunEnd:
-        """The end of a run whose output has epochs; DataError where it has none."""
+        """Run one direction and return how it ended; DataError where its output has no epochs."""
         if stop.is_set():
             return RunEnd(math.nan)
         end = self.run(direction, names, stop)
@@ -173,37 +175,41 @@ class Runs:
         OptionError for a bad end.
         """
         if self.command[0] == sys.executable:
-            line = [*self.command, f"{name}.conf", f"{name}.pos", f"{every:g}", *files]
+            command = [*self.command, f"{name}.conf", f"{name}.pos", f"{every:g}", *files]
         else:
             thinning = ["-ti", f"{every:g}"] if every else []
-            line = [*self.command, "-k", f"{name}.conf", *thinning, "-o", f"{name}.pos", *files]
+            command = [*self.command, "-k", f"{name}.conf", *thinning, "-o", f"{name}.pos", *files]
         with tempfile.TemporaryFile() as output:
-            to: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), output)
+            streams: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), output)
             process = subprocess.Popen(
-                line, cwd=self.scratch, env=_environment(), stdin=subprocess.DEVNULL, **to
+                command, cwd=self.scratch, env=_environment(), stdin=subprocess.DEVNULL, **streams
             )
             try:
-                cpu = _wait(process, time.monotonic() + self.options.timeout_s, stop)
+                cpu = _wait_for_cpu_s(process, time.monotonic() + self.options.timeout_s, stop)
             finally:
                 if process.returncode is None:
                     process.kill()
                     process.wait()
-            end = RunEnd(math.nan if cpu is None else cpu, _tail(output), _refused(output))
-        if wrong := [option for option in end.refused if option in self.options.rtklib_options]:
-            problem = f"the engine refused {wrong[0]} = {self.options.rtklib_options[wrong[0]]}"
+            end = RunEnd(
+                math.nan if cpu is None else cpu, _last_line(output), _refused_options(output)
+            )
+        if refused := [option for option in end.refused if option in self.options.rtklib_options]:
+            problem = f"the engine refused {refused[0]} = {self.options.rtklib_options[refused[0]]}"
             raise OptionError("gnss.rtklib_options", problem)
-        if process.returncode == 0 and (written := self.scratch / f"{name}.pos").is_file():
+        written = self.scratch / f"{name}.pos"
+        if process.returncode == 0 and written.is_file():
             refuse_cut_off(written)
         if process.returncode == 0 or stop.is_set():
             return end
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
             raise OptionError("gnss.rtklib_options", end.last_line)
         receiver = name.removeprefix(WHERE)
-        of_what = f"{name} solution" if receiver == name else f"position of the {receiver} by codes"
-        message = f"the engine {self._end(process.returncode, cpu)}; {end.statement}"
-        raise DataError(f"{of_what}: {message}")
+        subject = f"{name} solution" if receiver == name else f"position of the {receiver} by codes"
+        message = f"the engine {self._exit_words(process.returncode, cpu)}; {end.statement}"
+        raise DataError(f"{subject}: {message}")
 
-    def _end(self, code: int, cpu: float | None) -> str:
+    def _exit_words(self, code: int, cpu: float | None) -> str:
+        """Return how the engine ended: by its exit code, or past the deadline (`cpu` None)."""
         if cpu is None:
             return (
                 f"did not finish in {self.options.timeout_s:g} s; raise {named('gnss.timeout_s')}"
@@ -212,16 +218,17 @@ class Runs:
 
 
 def _environment() -> dict[str, str]:
-    """The environment, with the package where a Python in another directory finds it."""
+    """Return the environment, with the package where a Python in another directory finds it."""
     paths = [str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]
     return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
 
 
-def _wait(
+def _wait_for_cpu_s(
     process: "subprocess.Popen[bytes]", deadline: float, stop: threading.Event
 ) -> float | None:
-    """CPU seconds of the process when it has ended, NaN where the system does not report them; None
-    past the deadline or when `stop` is set.
+    """Wait for the process and return its CPU time, s, NaN where the system does not report it.
+
+    It is None past the deadline (s, monotonic) or when `stop` is set.
     """
     while time.monotonic() < deadline and not stop.is_set():
         if not hasattr(os, "wait4"):
@@ -236,18 +243,19 @@ def _wait(
     return None
 
 
-def _tail(output: BinaryIO) -> str:
-    """The last line that is not empty, of the last 200 characters; RTKLIB ends its lines by
-    carriage returns.
+def _last_line(output: BinaryIO) -> str:
+    """Return the end of the last line that is not empty, at most `TAIL` characters.
+
+    RTKLIB ends its lines by carriage returns.
     """
     output.seek(0, os.SEEK_END)
-    output.seek(max(output.tell() - 10 * TAIL, 0))
+    output.seek(max(output.tell() - TAIL_BYTES, 0))
     lines = re.split(r"[\r\n]+", output.read().decode("utf-8", errors="replace"))
     return next((line.strip()[-TAIL:] for line in reversed(lines) if line.strip()), "")
 
 
-def _refused(output: BinaryIO) -> tuple[str, ...]:
-    """Options whose values the engine did not take, which it says before anything else."""
+def _refused_options(output: BinaryIO) -> tuple[str, ...]:
+    """Return the options whose values the engine refused, which its output names first."""
     output.seek(0)
     return tuple(REFUSED.findall(output.read(OUTPUT_HEAD_BYTES).decode("utf-8", errors="replace")))
 

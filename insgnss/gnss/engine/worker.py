@@ -24,38 +24,29 @@ def main(arguments: list[str]) -> int:
 
     option_file, output, interval, *files = arguments
     table = rtklib.sysopts
-    requested, formats = _options_of(option_file), _formats(table)
+    requested = _options_of(option_file)
+    formats = _formats(table)
     unknown = sorted(requested.keys() - formats.keys())
     if unknown:
         return _failed(
             f"this version of RTKLIB has no option {unknown[0]}{nearest(unknown[0], formats)}", 2
         )
-    wrong = [
+    not_numbers = [
         f"{name} = {value}"
         for name, value in requested.items()
         if not _is(value, NUMBERS.get(formats[name], str))
     ]
-    if wrong:
-        return _failed(f"{wrong[0]} is not a number as RTKLIB expects it for this option", 2)
+    if not_numbers:
+        return _failed(f"{not_numbers[0]} is not a number as RTKLIB expects it for this option", 2)
     rtklib.resetsysopts()
     if not rtklib.loadopts(option_file, table.ptr):
         return _failed(f"{option_file}: the options cannot be read")
     processing, solution, paths = rtklib.prcopt_t(), rtklib.solopt_t(), rtklib.filopt_t()
     rtklib.getsysopts(processing, solution, paths)
-    start, end = rtklib.gtime_t(), rtklib.gtime_t()
+    unlimited = rtklib.gtime_t(), rtklib.gtime_t()  # start and end of the processing
     status = rtklib.postpos(
-        start,
-        end,
-        float(interval),
-        0.0,
-        processing,
-        solution,
-        paths,
-        files,
-        len(files),
-        output,
-        "",
-        "",
+        *(*unlimited, float(interval), 0.0, processing, solution, paths),
+        *(files, len(files), output, "", ""),
     )
     return _failed(f"postpos() returned {status}") if status else 0
 
@@ -65,7 +56,8 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
     It is "" where none is like it.
     """
-    same_family = [one for one in candidates if one.partition("-")[0] == name.partition("-")[0]]
+    family = name.partition("-")[0]
+    same_family = [candidate for candidate in candidates if candidate.partition("-")[0] == family]
     close = [
         *difflib.get_close_matches(name, same_family, n=1),
         *difflib.get_close_matches(name, list(candidates), n=1),
@@ -74,6 +66,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
 
 def _options_of(option_file: str) -> dict[str, str]:
+    """Return the values of an option file by name, as text."""
     lines = Path(option_file).read_text(encoding="utf-8").splitlines()
     return dict(line.split("=", 1) for line in lines)
 
@@ -87,6 +80,7 @@ def _formats(table: Any) -> dict[str, int]:
 
 
 def _is(value: str, kind: type) -> bool:
+    """Return whether the text of an option is a number of the kind."""
     try:
         kind(value)
     except ValueError:

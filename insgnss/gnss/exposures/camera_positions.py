@@ -37,6 +37,7 @@ from ..antenna_files import cubic, positions_at
 NEIGHBOURS = 4  # fixes to either side whose differences tell how well others interpolate
 # rms error in the middle of an interval over that of the cubic across two: white accelerations
 TO_MIDDLE = 8.0**-0.5
+WIDTH_EXPONENT = 1.5  # of an interval's width over the usual one: (C.1) of white accelerations
 LEAST_FIXES = 5  # a cubic through two on either side of the fix that it predicts
 LARGE_M = 0.05  # beyond it the interpolation is what limits a position: a note
 
@@ -65,27 +66,23 @@ def camera_positions(
     DataError
         Where no exposure lies between fixes.
     """
-    weeks = (
-        0.0
-        if fixes.gps_week is None or events.gps_week is None
-        else (events.gps_week - fixes.gps_week) * WEEK_S
-    )
-    time = events.time + weeks
-    geodetic, covered = positions_at(fixes, time)
+    weeks_s = 0.0
+    if fixes.gps_week is not None and events.gps_week is not None:
+        weeks_s = (events.gps_week - fixes.gps_week) * WEEK_S
+    geodetic, covered = positions_at(fixes, events.time + weeks_s)
     if not covered.any():
         raise DataError(
             f"{events.source or 'events'}: none of the {covered.size} exposures lies between fixes"
             f" ({fixes.time[0]:.3f} to {fixes.time[-1]:.3f} s); are both of one flight and in GPST?"
         )
-    events, time, geodetic = events[covered], time[covered], geodetic[covered]
-    cov, between = _covariance(fixes, time, events.sigma_s)
-    after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
-    quality = (
-        np.full(time.size, float(Quality.UNKNOWN))
-        if fixes.quality is None
-        else np.maximum(fixes.quality[after - 1], fixes.quality[after]).astype(np.float64)
-    )
-    lat, lon, height = geodetic.T
+    events = events[covered]
+    time = events.time + weeks_s
+    cov, interpolation_sd = _covariance(fixes, time, events.sigma_s)
+    quality = np.full(time.size, float(Quality.UNKNOWN))
+    if fixes.quality is not None:
+        later = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
+        quality = np.maximum(fixes.quality[later - 1], fixes.quality[later]).astype(np.float64)
+    lat, lon, height = geodetic[covered].T
     if events.offset_ned is not None:
         lat, lon, height = moved_geodetic(lat, lon, height, events.offset_ned)
     positions = CameraPositions(
@@ -100,7 +97,7 @@ def camera_positions(
         fixes.gps_week if events.gps_week is None else events.gps_week,
         events.source,
     )
-    return positions, (_of_what(events), _interpolated(between))
+    return positions, (_check_offsets(events), _check_interpolation(interpolation_sd))
 
 
 def exposures_between(
@@ -135,27 +132,27 @@ def exposures_between(
 
 
 def _covariance(fixes: GnssFixes, time: Array, sigma_s: Array | None) -> tuple[Array, Array]:
-    """P (n, 3, 3) m^2 of (C.1), and standard deviations (n,) m of the interpolation in it."""
-    after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
-    width = fixes.time[after] - fixes.time[after - 1]
-    share = np.clip((time - fixes.time[after - 1]) / width, 0.0, 1.0)
-    usual = float(np.median(np.diff(fixes.time)))
+    """Return P (n, 3, 3), m^2 (C.1), and the sigma (n,), m, of the interpolation in it."""
+    later = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
+    width = fixes.time[later] - fixes.time[later - 1]
+    share = np.clip((time - fixes.time[later - 1]) / width, 0.0, 1.0)
+    usual_width = float(np.median(np.diff(fixes.time)))
     position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
-    local = TO_MIDDLE * interpolation_error(fixes.time, position)
-    between = (
-        np.maximum(local[after - 1], local[after])
+    sd_near_fix = TO_MIDDLE * interpolation_error(fixes.time, position)
+    interpolation_sd = (
+        np.maximum(sd_near_fix[later - 1], sd_near_fix[later])
         * (4.0 * share * (1.0 - share))
-        * (width / usual) ** 1.5
+        * (width / usual_width) ** WIDTH_EXPONENT
     )
     weight = share[:, None, None]
-    cov = (1.0 - weight) * fixes.cov_ned[after - 1] + weight * fixes.cov_ned[after]
-    cov = cov + between[:, None, None] ** 2 * np.eye(3)
+    cov = (1.0 - weight) * fixes.cov_ned[later - 1] + weight * fixes.cov_ned[later]
+    cov = cov + interpolation_sd[:, None, None] ** 2 * np.eye(3)
     if sigma_s is not None:
-        step = (position[after] - position[after - 1]) / width[:, None]
-        velocity = np.einsum("nji,nj->ni", rotation_en(fixes.lat[after], fixes.lon[after]), step)
+        step = (position[later] - position[later - 1]) / width[:, None]
+        velocity = np.einsum("nji,nj->ni", rotation_en(fixes.lat[later], fixes.lon[later]), step)
         along = velocity[:, :, None] * velocity[:, None, :]
         cov = cov + along * sigma_s[:, None, None] ** 2
-    return cov, between
+    return cov, interpolation_sd
 
 
 def interpolation_error(time: Array, position: Array) -> Array:
@@ -186,12 +183,14 @@ def interpolation_error(time: Array, position: Array) -> Array:
     return np.asarray(np.sqrt(total / count)[np.clip(np.arange(n) - 2, 0, rows.size - 1)])
 
 
-def _of_what(events: CameraEvents) -> Finding:
+def _check_offsets(events: CameraEvents) -> Finding:
+    """Report whether positions are of the camera or of the antenna, and their distance, mm."""
     ask = Question("camera positions", "of the camera: offsets from the antenna (.MRK)")
     if events.offset_ned is not None:
-        size = 1e3 * np.linalg.norm(events.offset_ned, axis=1)
+        distance_mm = 1e3 * np.linalg.norm(events.offset_ned, axis=1)
         return ask.ok(
-            f"{size.size} of the camera, {size.min():.0f} to {size.max():.0f} mm from the antenna"
+            f"{distance_mm.size} of the camera, {distance_mm.min():.0f} to"
+            f" {distance_mm.max():.0f} mm from the antenna"
         )
     return ask.note(
         f"{events.time.size} of the antenna's phase centre, since the events state no offset",
@@ -199,11 +198,11 @@ def _of_what(events: CameraEvents) -> Finding:
     )
 
 
-def _interpolated(between: Array) -> Finding:
-    middle, most = 1e3 * float(np.median(between)), 1e3 * float(between.max())
-    large = most > 1e3 * LARGE_M
+def _check_interpolation(sigma_m: Array) -> Finding:
+    """Compare the largest sigma (n,), m, of the interpolation with its limit."""
     return Question("camera interpolation", f"{1e3 * LARGE_M:.0f} mm").note(
-        f"standard deviation {middle:.1f} mm in the median, {most:.1f} mm at most",
+        f"standard deviation {1e3 * float(np.median(sigma_m)):.1f} mm in the median,"
+        f" {1e3 * float(sigma_m.max()):.1f} mm at most",
         "log the rover faster, or process the flight with its IMU",
-        when=large,
+        when=float(sigma_m.max()) > LARGE_M,
     )

@@ -38,52 +38,53 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Fi
         None for fewer than three of either; a contradiction where all are off by a constant, a note
         where no constant brings half of the fewer ones together.
     """
-    week, of_rover = (gps_week if e.gps_week is None else e.gps_week for e in (events, rover))
-    theirs = rover.time + (of_rover - week) * WEEK_S
-    fewer = min(events.time.size, theirs.size)
+    week = gps_week if events.gps_week is None else events.gps_week
+    rover_week = gps_week if rover.gps_week is None else rover.gps_week
+    rover_time = rover.time + (rover_week - week) * WEEK_S
+    fewer = min(events.time.size, rover_time.size)
     if fewer < FEWEST_MATCHED:
         return None
-    leap = int(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S + float(np.median(theirs))))
-    offset, pairs = _constant(events.time, theirs, (0.0, float(-leap)))
+    leap = int(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S + float(np.median(rover_time))))
+    offset, pairs = _constant_offset(events.time, rover_time, (0.0, float(-leap)))
     source = events.source or "the file"
     if pairs < max(FEWEST_MATCHED, LEAST_SHARE * fewer):
         finding = (
             f"no constant time offset matches more than {pairs} of the {events.time.size} events"
-            f" of {source} to the {theirs.size} events of the rover"
+            f" of {source} to the {rover_time.size} events of the rover"
         )
         return Question(NAME, EXPECTED).note(finding, "are both of this flight and camera?")
     finding = (
-        f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size}"
+        f"{pairs} of the {events.time.size} events of {source} and of the {rover_time.size}"
         " events of the rover are the same"
     )
     if abs(offset) <= SAME_PULSE_S:
         return Question(NAME, EXPECTED).ok(f"{finding}, {1e3 * offset:+.1f} ms apart")
-    utc = abs(offset + leap) <= SAME_PULSE_S
-    finding += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
-    advice = (
-        f"give the file's events in GPST{'' if utc else ', at the pulses'}, or leave the file out"
-        " to use the rover's events"
-    )
+    is_utc = abs(offset + leap) <= SAME_PULSE_S
+    finding += f" but for {offset:+.3f} s"
+    finding += f", the {leap} leap seconds: UTC?" if is_utc else ""
+    advice = "give the file's events in GPST" + ("" if is_utc else ", at the pulses")
+    advice += ", or leave the file out to use the rover's events"
     return Question(NAME, EXPECTED).contradiction(finding, advice)
 
 
-def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[float, int]:
-    """The constant, s, by which most of `time` (n,) are behind one of `theirs` (m,), and their
-    number.
+def _constant_offset(
+    time: Array, rover_time: Array, likely: tuple[float, ...]
+) -> tuple[float, int]:
+    """Return the offset, s, that matches most of `time` (n,) to `rover_time` (m,), and how many.
 
-    At even intervals several constants bring as many together: of these the first `likely` one is
-    taken, else the smallest.
+    At even intervals several offsets match as many: of these the first `likely` one is taken, else
+    the smallest.
     """
-    match = match_clocks(theirs, time, SAME_PULSE_S)
-    most = time.size - len(match.images)
-    steps = time[0] - theirs
-    for constant in (*likely, *steps[np.argsort(np.abs(steps))].tolist()):
-        shifted = theirs + constant
+    match = match_clocks(rover_time, time, SAME_PULSE_S)
+    most_matched = time.size - len(match.images)
+    steps = time[0] - rover_time
+    for offset in (*likely, *steps[np.argsort(np.abs(steps))].tolist()):
+        shifted = rover_time + offset
         residual = time - shifted[np.searchsorted(0.5 * (shifted[1:] + shifted[:-1]), time)]
-        residual = residual[np.abs(residual) <= SAME_PULSE_S]
-        if residual.size >= most:
-            return constant + float(np.mean(residual)), residual.size
-    return match.offset_s, most
+        matched = residual[np.abs(residual) <= SAME_PULSE_S]
+        if matched.size >= most_matched:
+            return offset + float(np.mean(matched)), matched.size
+    return match.offset_s, most_matched
 
 
 def check_camera_delay(delay_s: float) -> Finding:

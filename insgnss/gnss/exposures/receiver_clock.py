@@ -110,15 +110,16 @@ def error_at(stamp: Array, clock: Array, when: Array) -> tuple[Array, NDArray[np
     """
     if stamp.size == 1:
         return np.full(when.shape, clock[0]), when == stamp[0]
-    step, length = np.diff(clock), np.diff(stamp)
+    step = np.diff(clock)
+    length = np.diff(stamp)
     jumps = np.abs(step) > JUMP_S + MOST_DRIFT * length
     drift = np.where(jumps, 0.0, step / length)
-    before = np.maximum(np.arange(step.size) - 1, 0)
-    drift = np.where(jumps, drift[before], drift)  # a jump does not follow a jump
+    previous = np.maximum(np.arange(step.size) - 1, 0)
+    drift = np.where(jumps, drift[previous], drift)  # a jump does not follow a jump
     k = np.clip(np.searchsorted(stamp, when, side="right") - 1, 0, step.size - 1)
     inside = (when >= stamp[0]) & (when <= stamp[-1])
-    near = np.where(jumps & (length > LONG_GAP_S), 0.0, drift)[k] * (when - stamp[k]) + clock[k]
-    error = np.where(when < stamp[-1], near, clock[-1])
+    rate = np.where(jumps & (length > LONG_GAP_S), 0.0, drift)[k]
+    error = np.where(when < stamp[-1], clock[k] + rate * (when - stamp[k]), clock[-1])
     return np.where(when < stamp[0], clock[0], error), inside & (length[k] <= LONG_GAP_S)
 
 
@@ -127,6 +128,7 @@ def _span(clock: Array) -> str:
 
 
 def _clock_note(clock: Array, unsure: Array) -> Finding:
+    """Report the clock's error (n,), s, and how many events, at `unsure` (k,), s, lack fixes."""
     finding = f"{_span(clock)} off GPST, subtracted from the times of the camera events"
     if not unsure.size:
         return Question("receiver clock", "below 1 ms").ok(finding)

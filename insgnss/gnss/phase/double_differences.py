@@ -113,51 +113,61 @@ def double_differences(
     air : Atmosphere, optional
         At the base, None for the standard one.
     """
-    theirs = base_rows(rover, base)[satellites.row]
-    rows = _usable(fixes, rover, base, satellites, theirs, base_ecef)
-    mine, theirs = satellites.row[rows], theirs[rows]
+    rows_in_base = base_rows(rover, base)[satellites.row]
+    rows = _usable_rows(fixes, rover, base, satellites, rows_in_base, base_ecef)
     if rows.size == 0:
         return _no_differences()
-    bands, hertz = _two_bands(rover, base, mine, theirs)
+    rover_rows = satellites.row[rows]
+    paired_rows = rows_in_base[rows]
+    bands, hertz = _two_bands(rover, base, rover_rows, paired_rows)
     antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch[rows]]
     navigation = navigation.of_week(rover.gps_week)
-    range_difference = _geometry(rover, mine, navigation, antenna, 0.0)
-    range_difference -= _geometry(
-        base, theirs, navigation, np.broadcast_to(base_ecef, antenna.shape), _weeks(rover, base)
+    range_difference = _modelled_ranges(rover, rover_rows, navigation, antenna, 0.0)
+    range_difference -= _modelled_ranges(
+        base,
+        paired_rows,
+        navigation,
+        np.broadcast_to(base_ecef, antenna.shape),
+        _week_shift_s(rover, base),
     )
     rise = fixes.height[satellites.epoch[rows]] - float(ecef_to_geodetic(base_ecef)[2])
-    range_difference += _other_air(air, rise, base_ecef) * mapping(satellites.elevation[rows])
+    range_difference += _delay_difference_in_zenith(air, rise, base_ecef) * mapping(
+        satellites.elevation[rows]
+    )
     length = LIGHT / hertz
-    d = (
-        _phases(rover, mine, bands)
-        - _phases(base, theirs, bands)
+    difference = (
+        _phases(rover, rover_rows, bands)
+        - _phases(base, paired_rows, bands)
         - range_difference[:, None] / length
     )
-    complete = np.flatnonzero(np.isfinite(d).all(axis=1))
+    complete = np.flatnonzero(np.isfinite(difference).all(axis=1))
     if complete.size == 0:
         return _no_differences()
     group = np.unique(
         satellites.epoch[rows[complete]] * 100 + satellites.system[rows[complete]],
         return_inverse=True,
     )[1]
-    fraction = _without_integers(d[complete], group, satellites.elevation[rows[complete]])
-    whole = (np.abs(fraction) < LARGEST_PART).all(axis=1)
-    many = whole & (np.bincount(group, whole)[group] >= LEAST_SATELLITES)
-    kept, fraction, length = rows[complete[many]], fraction[many], length[complete[many]]
-    _, epoch = np.unique(satellites.epoch[kept], return_inverse=True)
-    _, satellite = unique_satellites(rover.satellite[satellites.row[kept]])
+    fraction = _fractional_differences(
+        difference[complete], group, satellites.elevation[rows[complete]]
+    )
+    are_measured = (np.abs(fraction) < LARGEST_PART).all(axis=1)
+    enough = are_measured & (np.bincount(group, are_measured)[group] >= LEAST_SATELLITES)
+    row = rows[complete[enough]]
+    length = length[complete[enough]]
+    _, epoch = np.unique(satellites.epoch[row], return_inverse=True)
+    _, satellite = unique_satellites(rover.satellite[satellites.row[row]])
     kappa = (HERTZ["G"]["1"] * length / LIGHT) ** 2
     return DoubleDifferences(
-        time=fixes.time[satellites.epoch[kept]],
+        time=fixes.time[satellites.epoch[row]],
         epoch=epoch,
-        system=satellites.system[kept],
+        system=satellites.system[row],
         satellite=satellite,
-        parts=fraction * length,
+        parts=fraction[enough] * length,
         kappa=kappa,
-        design=design[kept],
-        azimuth=satellites.azimuth[kept],
-        elevation=satellites.elevation[kept],
-        rise=rise[complete[many]],
+        design=design[row],
+        azimuth=satellites.azimuth[row],
+        elevation=satellites.elevation[row],
+        rise=rise[complete[enough]],
     )
 
 
@@ -169,21 +179,22 @@ def _no_differences() -> DoubleDifferences:
 
 def measurable(fixes: GnssFixes, base_ecef: Array) -> NDArray[np.bool_]:
     """Return which positions (n,) are fixed and up to `FAR_M` from the base."""
-    near = (
-        np.linalg.norm(geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - base_ecef, axis=1)
-        <= FAR_M
-    )
-    return np.asarray(near if fixes.quality is None else near & (fixes.quality == Quality.FIXED))
+    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+    within = np.linalg.norm(antenna - base_ecef, axis=1) <= FAR_M
+    if fixes.quality is not None:
+        within &= fixes.quality == Quality.FIXED
+    return np.asarray(within)
 
 
-def _weeks(rover: "Observations", base: "Observations") -> float:
-    """What brings the base's times into the rover's week, s."""
+def _week_shift_s(rover: "Observations", base: "Observations") -> float:
+    """Return what is added to the base's times, s, to bring them into the rover's week."""
     return (base.gps_week - rover.gps_week) * WEEK_S
 
 
-def _other_air(air: Atmosphere | None, rise: Array, base_ecef: Array) -> Array:
-    """Delay in zenith (m,) m that the air between the heights takes less than the standard one: of
-    the rover minus the base.
+def _delay_difference_in_zenith(air: Atmosphere | None, rise: Array, base_ecef: Array) -> Array:
+    """Return the zenith delay (m,), m, of the standard air minus that of `air`, base to rover.
+
+    `rise` (m,) is the height of the rover above the base, m.
     """
     lat, _, height = (float(x) for x in ecef_to_geodetic(base_ecef))
     usual = standard_atmosphere(height)
@@ -193,56 +204,61 @@ def _other_air(air: Atmosphere | None, rise: Array, base_ecef: Array) -> Array:
     return np.asarray(layers[0] - layers[1])
 
 
-def _usable(
+def _usable_rows(
     fixes: GnssFixes,
     rover: "Observations",
     base: "Observations",
     satellites: Sky,
-    theirs: Index,
+    rows_in_base: Index,
     base_ecef: Array,
 ) -> Index:
-    """Rows of `satellites` at measurable positions and epochs of the base, of systems with two
-    bands, of at most `MOST_EPOCHS` epochs.
+    """Return the rows of `satellites`, of at most `MOST_EPOCHS` epochs, that can be differenced.
+
+    They are of measurable positions, epochs of the base, and systems with two bands.
     """
     separated = (
-        base.time[base.epoch[theirs]]
-        + _weeks(rover, base)
+        base.time[base.epoch[rows_in_base]]
+        + _week_shift_s(rover, base)
         - rover.time[rover.epoch[satellites.row]]
     )
-    shared = np.isin(rover.satellite[satellites.row].astype("U1"), list(SHARED_CARRIERS))
-    good = (theirs >= 0) & (np.abs(separated) <= LARGEST_OFFSET_S) & shared
-    rows = np.flatnonzero(good & measurable(fixes, base_ecef)[satellites.epoch])
+    has_carriers = np.isin(rover.satellite[satellites.row].astype("U1"), list(SHARED_CARRIERS))
+    is_shared = (rows_in_base >= 0) & (np.abs(separated) <= LARGEST_OFFSET_S) & has_carriers
+    rows = np.flatnonzero(is_shared & measurable(fixes, base_ecef)[satellites.epoch])
     epochs = np.unique(satellites.epoch[rows])
     return rows[np.isin(satellites.epoch[rows], epochs[:: max(1, -(-epochs.size // MOST_EPOCHS))])]
 
 
 def _two_bands(
-    rover: "Observations", base: "Observations", mine: Index, theirs: Index
+    rover: "Observations", base: "Observations", rover_rows: Index, paired_rows: Index
 ) -> tuple[NDArray[np.str_], Array]:
-    """The first band of the system of each row and the second one that most of its rows have (m,
-    2), and their carriers, Hz.
+    """Return two bands (m, 2) of each row and their carriers (m, 2), Hz.
+
+    They are the first band of the row's system, and the second one that most of its rows have.
     """
-    bands, hertz = np.full((mine.size, 2), "", dtype="U1"), np.full((mine.size, 2), np.nan)
-    for letter, of in rows_of_systems(rover.satellite[mine]).items():
-        first, *further = _bands(letter)
-        observed_share = {
-            b: np.isfinite(_phase(rover, mine[of], b) + _phase(base, theirs[of], b)).mean()
-            for b in further
-        }
-        for k, band in enumerate((first, max(further, key=lambda b: observed_share[b]))):
-            bands[of, k], hertz[of, k] = band, HERTZ[letter][band]
+    bands = np.full((rover_rows.size, 2), "", dtype="U1")
+    hertz = np.full((rover_rows.size, 2), np.nan)
+    for letter, rows in rows_of_systems(rover.satellite[rover_rows]).items():
+        primary, *further = _bands(letter)
+        observed_share = {}
+        for band in further:
+            sum_of_phases = _phase(rover, rover_rows[rows], band)
+            sum_of_phases += _phase(base, paired_rows[rows], band)
+            observed_share[band] = np.isfinite(sum_of_phases).mean()
+        for k, band in enumerate((primary, max(further, key=lambda b: observed_share[b]))):
+            bands[rows, k] = band
+            hertz[rows, k] = HERTZ[letter][band]
     return bands, hertz
 
 
 def _bands(letter: str) -> list[str]:
-    """Bands of a system: the engine's, and those that it leaves out."""
+    """Return the bands of a system: the engine's, then lower ones that it leaves out."""
     bands = ENGINE_BANDS[letter]
     lower = [b for b, hertz in HERTZ[letter].items() if b not in bands and hertz < LOWER_HERTZ]
     return [*bands, *lower]
 
 
 def _phase(observations: "Observations", rows: Index, band: str) -> Array:
-    """Phase (m,), cycles, of the first signal of the band that each row has."""
+    """Return the phase (m,), cycles, of the first signal of the band that each row has."""
     out = np.full(rows.size, np.nan)
     for k, signal in enumerate(observations.signals):
         if signal[0] == "L" and signal[1] == band:
@@ -251,17 +267,17 @@ def _phase(observations: "Observations", rows: Index, band: str) -> Array:
 
 
 def _phases(observations: "Observations", rows: Index, bands: NDArray[np.str_]) -> Array:
-    """Phases (m, 2), cycles, of rows in bands (m, 2)."""
+    """Return the phases (m, 2), cycles, of rows (m,) in bands (m, 2)."""
     out = np.full(bands.shape, np.nan)
     for band in np.unique(bands).tolist():
         out = np.where(bands == band, _phase(observations, rows, band)[:, None], out)
     return out
 
 
-def _geometry(
+def _modelled_ranges(
     o: "Observations", rows: Index, navigation: Navigation, antenna: Array, shift: float
 ) -> Array:
-    """rho - c dt_s + T (m,) m of rows at antennas (m, 3)."""
+    """Return rho - c dt_s + T (m,), m, of rows (m,) at antennas (m, 3), m ECEF; shift in s."""
     states = emission_states(
         navigation, o.satellite[rows], o.time[o.epoch[rows]] + shift, code_ranges(o)[rows]
     )
@@ -270,9 +286,9 @@ def _geometry(
     return rho - LIGHT * states.clock_s + standard_slant_delay(lat, height, sky(sight, antenna)[1])
 
 
-def _without_integers(d: Array, group: Index, elevation: Array) -> Array:
-    """What (P.1) leaves (m, 2), cycles, against the highest satellite of each group."""
+def _fractional_differences(d: Array, group: Index, elevation: Array) -> Array:
+    """Return (P.1) (m, 2), cycles, less integers, against the highest satellite of each group."""
     order = np.lexsort((-elevation, group))
-    first = order[np.diff(group[order], prepend=-1) > 0]
-    to_first = d - d[first[group]]
-    return np.asarray(to_first - np.round(to_first))
+    reference = order[np.diff(group[order], prepend=-1) > 0]
+    double_difference = d - d[reference[group]]
+    return np.asarray(double_difference - np.round(double_difference))

@@ -124,6 +124,8 @@ GRADIENT, LOCAL_GRADIENT, OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M = (
     1e-3,
 )
 NUISANCES = np.array([OFFSET_M, AIR_SLOPE, ZENITH_M, PATTERN_M])
+# by which the columns of h, t, z and p are of one size (m, m/m, m, m): some millimetres each
+NUISANCE_UNITS = (1e-3, 1e-5, 1e-3, 1e-3)
 LAYER_CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
 # by which columns of V, G and L are of one size
 LAYER_UNITS = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6])
@@ -133,6 +135,11 @@ LEAST_EPOCHS, LEAST_FLIGHT_S = 60, 300.0  # of a flight: fewer show less than is
 BLOCK_S, CORRELATED_S = 300.0, 200.0
 HUBER = 2.0  # sigmas from which on a residual is weighed down: 5 % of normal ones
 WEIGHTED_SOLUTIONS = 4  # of solving with weights (chosen)
+LEAST_SIGMA_M = 1e-6  # of residuals (m): above zero, so that exact observations have a weight
+LEAST_RESIDUAL_M = 1e-9  # that a weight divides by (m): above zero, far below any phase noise
+RANK_TOLERANCE = (
+    1e-9  # of singular values over the largest, below which a parameter is undetermined
+)
 NORMAL_RIDGE = 1e-9  # added to normal equations of order 1, whose groups may lack a system
 LEAST_REDUNDANCY = 1e-3  # of a row (I.4): below it its residual is rounding and tells nothing
 SHAPE_SHARE = 0.1  # of the correction, one standard deviation: what shell and plane leave (chosen)
@@ -245,14 +252,14 @@ def ionosphere_correction(
     )
     if ionosphere is None:
         return None
-    early = mean_kappa(rover, base, satellites, frequencies)[:, None] * design
-    each = np.stack(
-        [displacement(satellites, early[:, j], fixes.time.size) for j in range(LAYER_VALUES)],
+    mean_delay = mean_kappa(rover, base, satellites, frequencies)[:, None] * design
+    displacement_per_unit = np.stack(
+        [displacement(satellites, mean_delay[:, j], fixes.time.size) for j in range(LAYER_VALUES)],
         axis=2,
     )
-    corrected = measurable(fixes, base_ecef) & np.isfinite(each).all(axis=(1, 2))
-    each = np.where(corrected[:, None, None], each, 0.0)
-    correction, cov, gain = moved_by(each, ionosphere, fixes.time, corrected)
+    corrected = measurable(fixes, base_ecef) & np.isfinite(displacement_per_unit).all(axis=(1, 2))
+    displacement_per_unit = np.where(corrected[:, None, None], displacement_per_unit, 0.0)
+    correction, cov, gain = moved_by(displacement_per_unit, ionosphere, fixes.time, corrected)
     spread = cov + SHAPE_SHARE**2 * correction[:, :, None] * correction[:, None, :]
     return IonosphereCorrection(correction, spread, ionosphere, gain)
 
@@ -284,16 +291,20 @@ def moved_by(
     """
     value, cov = ionosphere.interpolate(time)
     gradient = np.arange(LAYER_VALUES) > 0
-    before = np.array([GRADIENT, GRADIENT, LOCAL_GRADIENT, LOCAL_GRADIENT]) ** 2
-    down = each[:, 2][:, gradient]
-    after = np.einsum("na,nab,nb->n", down, cov[:, 1:, 1:], down)
-    gain = 1.0 - float(np.median((after / np.maximum(down**2 @ before, 1e-30))[corrected]))
+    prior_variance = np.array([GRADIENT, GRADIENT, LOCAL_GRADIENT, LOCAL_GRADIENT]) ** 2
+    down_per_unit = each[:, 2][:, gradient]
+    posterior_variance = np.einsum("na,nab,nb->n", down_per_unit, cov[:, 1:, 1:], down_per_unit)
+    gain = 1.0 - float(
+        np.median(
+            (posterior_variance / np.maximum(down_per_unit**2 @ prior_variance, 1e-30))[corrected]
+        )
+    )
     if gain >= LEAST_SHARE_REMOVED:
         return np.einsum("nij,nj->ni", each, value), each @ cov @ each.transpose(0, 2, 1), gain
     each = each.copy()
     each[:, 2, gradient] = 0.0
     spread = each @ cov @ each.transpose(0, 2, 1)
-    spread[:, 2, 2] += down**2 @ before
+    spread[:, 2, 2] += down_per_unit**2 @ prior_variance
     return np.einsum("nij,nj->ni", each, value), spread, gain
 
 
@@ -311,27 +322,28 @@ def fit(d: DoubleDifferences) -> KnottedIonosphere | None:
     if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_FLIGHT_S:
         return None
     knots = np.linspace(epochs[0], epochs[-1], 1 + int(np.ceil(np.ptp(epochs) / KNOT_S)))
-    units = np.concatenate([np.tile(LAYER_UNITS, knots.size), [1e-3, 1e-5, 1e-3, 1e-3]])
+    units = np.concatenate([np.tile(LAYER_UNITS, knots.size), NUISANCE_UNITS])
     expected, information = expectation(knots)
     least = max(CORRELATED_S / float(np.median(np.diff(epochs))), 1.0)
     N = information * units[:, None] * units
     b = units * (information @ expected)
-    kinds = _kinds(d, knots, units)
+    kinds = _observations_of_kinds(d, knots, units)
     sigma, correlation = [], []
     for kind in kinds:
         X, y, weight, sd, q = kind.weighted(d, least)
-        N, b = N + X.T @ (weight[:, None] * X), b + X.T @ (weight * y)
+        N = N + X.T @ (weight[:, None] * X)
+        b = b + X.T @ (weight * y)
         sigma.append(sd)
         correlation.append(q)
-    cov = np.linalg.inv(N)
-    x, cov = units * (cov @ b), cov * units[:, None] * units
+    scaled_cov = np.linalg.inv(N)
+    x = units * (scaled_cov @ b)
+    cov = scaled_cov * units[:, None] * units
     k = LAYER_VALUES * knots.size
     (h, t), (sd_h, sd_t) = x[k : k + 2].tolist(), np.sqrt(np.diag(cov)[k : k + 2])
-    value, of_value = x[:k].reshape(-1, LAYER_VALUES), cov[:k, :k]
     return KnottedIonosphere(
         knots,
-        value,
-        of_value,
+        x[:k].reshape(-1, LAYER_VALUES),
+        cov[:k, :k],
         (h, float(sd_h)),
         (t, float(sd_t)),
         epochs.size,
@@ -355,14 +367,16 @@ def expectation(knots: Array) -> tuple[Array, Array]:
     information = np.diag(np.concatenate([np.zeros(LAYER_VALUES * k), NUISANCES**-2]))
     for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT, LOCAL_GRADIENT, LOCAL_GRADIENT)):
         rows = np.arange(j, LAYER_VALUES * k, LAYER_VALUES)
-        change = LAYER_CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
-        information[np.ix_(rows, rows)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
+        change_variance = LAYER_CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
+        information[np.ix_(rows, rows)] = (k * sd) ** -2.0 + step.T @ (
+            step / change_variance[:, None]
+        )
     mean = np.array([VERTICAL_M[0], *np.zeros(LAYER_VALUES - 1)])
     return np.concatenate([np.tile(mean, k), np.zeros(NUISANCES.size)]), information
 
 
 @dataclass(frozen=True, eq=False)
-class _Kind:
+class _Observations:
     """Observations (m,) m of one kind: y = X (5 k + 4 columns, of size one) + A times unknowns of
     each group (m,) + noise.
     """
@@ -375,36 +389,40 @@ class _Kind:
     def weighted(
         self, d: DoubleDifferences, least: float
     ) -> tuple[Array, Array, Array, float, float]:
-        """X and y without the unknowns of groups, weights (m,) 1/m^2, the standard deviation at the
-        zenith, m, and q, `least` at least.
+        """Return X and y without the unknowns of groups, weights (m,), 1/m^2, sigma, m, and q.
+
+        sigma is that at the zenith, q is `least` at least.
         """
         sine = np.sin(d.elevation)
-        weight, all_of_it = sine**2, np.column_stack([self.X, self.y])
+        weight = sine**2
+        Xy = np.column_stack([self.X, self.y])
         for _ in range(WEIGHTED_SOLUTIONS):
-            reduced, redundancy = _eliminated(all_of_it, self.A, self.group, weight)
+            reduced, redundancy = _without_nuisances(Xy, self.A, self.group, weight)
             X, y, root = reduced[:, :-1], reduced[:, -1], np.sqrt(weight)
-            x, _, rank, _ = np.linalg.lstsq(root[:, None] * X, root * y, rcond=1e-9)
-            residual, tells = y - X @ x, redundancy > LEAST_REDUNDANCY
+            x, _, rank, _ = np.linalg.lstsq(root[:, None] * X, root * y, rcond=RANK_TOLERANCE)
+            residual = y - X @ x
+            redundant = redundancy > LEAST_REDUNDANCY
             size = np.abs(residual) * sine
-            weight = sine**2 * np.minimum(
-                1.0, HUBER * _spread(size[tells]) / np.maximum(size, 1e-9)
-            )
+            limit = HUBER * _robust_sigma(size[redundant])
+            weight = sine**2 * np.minimum(1.0, limit / np.maximum(size, LEAST_RESIDUAL_M))
         free = float(redundancy.sum())
         sigma = (
-            _spread(size[tells] / np.sqrt(redundancy[tells]))
+            _robust_sigma(size[redundant] / np.sqrt(redundancy[redundant]))
             * (free / max(free - rank, 1.0)) ** 0.5
         )
-        q = max(_correlation(np.sqrt(weight) * residual, d), least)
+        q = max(_block_correlation(np.sqrt(weight) * residual, d), least)
         return X, y, weight / (q * sigma**2), float(sigma), q
 
 
-def _spread(size: Array) -> float:
-    """Standard deviation of normal values, m, of which these are the sizes."""
-    return max(MAD_TO_SIGMA * float(np.median(size)), 1e-6) if size.size else 1e-6
+def _robust_sigma(size: Array) -> float:
+    """Return the standard deviation, m, of normal values of absolute values `size` (m,), m."""
+    return max(MAD_TO_SIGMA * float(np.median(size)), LEAST_SIGMA_M) if size.size else LEAST_SIGMA_M
 
 
-def _kinds(d: DoubleDifferences, knots: Array, units: Array) -> tuple[_Kind, _Kind]:
-    """(I.2) and (I.3)."""
+def _observations_of_kinds(
+    d: DoubleDifferences, knots: Array, units: Array
+) -> tuple[_Observations, _Observations]:
+    """Return the observations of the difference (I.2) and the mean (I.3) of both bands."""
     sine = np.sin(d.elevation)
     H = (hats(knots, d.time)[:, :, None] * d.design[:, None, :]).reshape(d.time.size, -1)
     none = np.zeros(d.time.size)
@@ -416,16 +434,18 @@ def _kinds(d: DoubleDifferences, knots: Array, units: Array) -> tuple[_Kind, _Ki
     mean = np.column_stack([early, none, d.rise * slant, slant, none]) * units
     sight = -directions(d.azimuth, d.elevation)
     return (
-        _Kind(difference, d.parts[:, 0] - d.parts[:, 1], clocks, d.epoch),
-        _Kind(mean, d.parts.mean(axis=1), np.column_stack([sight, clocks]), d.epoch),
+        _Observations(difference, d.parts[:, 0] - d.parts[:, 1], clocks, d.epoch),
+        _Observations(mean, d.parts.mean(axis=1), np.column_stack([sight, clocks]), d.epoch),
     )
 
 
-def _eliminated(values: Array, A: Array, group: Index, weight: Array) -> tuple[Array, Array]:
-    """Values (m, c) less what weighted least squares of each group gives them of the columns A (m,
-    p), and redundancies (m,) of (I.4).
+def _without_nuisances(values: Array, A: Array, group: Index, weight: Array) -> tuple[Array, Array]:
+    """Return values (m, c) less their weighted fit of A (m, p) in each group, redundancies (m,).
+
+    Both are those of (I.4).
     """
-    n, p = int(group.max()) + 1, A.shape[1]
+    n = int(group.max()) + 1
+    p = A.shape[1]
     WA = A * weight[:, None]
 
     def sums(columns: Array) -> Array:
@@ -438,8 +458,8 @@ def _eliminated(values: Array, A: Array, group: Index, weight: Array) -> tuple[A
     return values - np.einsum("mi,mic->mc", A, (inverse @ b)[group]), redundancy
 
 
-def _correlation(weighted: Array, d: DoubleDifferences) -> float:
-    """q of (I.5) of residuals (m,) times the roots of their weights."""
+def _block_correlation(weighted: Array, d: DoubleDifferences) -> float:
+    """Return q (I.5) of residuals (m,) times the roots of their weights."""
     block = ((d.time - d.time.min()) / BLOCK_S).astype(np.int64)
     block = np.unique(d.satellite * (int(block.max()) + 1) + block, return_inverse=True)[1]
     return float((np.bincount(block, weighted) ** 2).sum() / (weighted**2).sum())
@@ -452,10 +472,9 @@ def mean_kappa(
 
     These are the ones in which rover and base have a phase.
     """
-    taken = common_bands(rover, base, frequencies)[satellites.row]
+    has_band = common_bands(rover, base, frequencies)[satellites.row]
     total = np.zeros(satellites.row.size)
-    for letter, of in rows_of_systems(rover.satellite[satellites.row]).items():
-        total[of] = taken[of] @ np.array(
-            [kappa(letter, bands[0]) for bands in ENGINE_BANDS[letter][:frequencies]]
-        )
-    return np.asarray(total / taken.sum(axis=1))
+    for letter, rows in rows_of_systems(rover.satellite[satellites.row]).items():
+        kappas = [kappa(letter, bands[0]) for bands in ENGINE_BANDS[letter][:frequencies]]
+        total[rows] = has_band[rows] @ np.array(kappas)
+    return np.asarray(total / has_band.sum(axis=1))

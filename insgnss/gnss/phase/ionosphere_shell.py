@@ -22,25 +22,29 @@ def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
     lat, lon, _ = ecef_to_geodetic(base)
     axes = rotation_en(lat, lon)
     centre = base + RADIUS_M * axes[:, 2]
-    far = _reach(antenna - centre, sight, ORBIT_M)[:, None] * sight + (antenna - base)
-    far /= np.linalg.norm(far, axis=1)[:, None]
-    to_antenna, to_base = antenna - centre, np.broadcast_to(base - centre, antenna.shape)
-    ours, theirs = (
-        _pierced(*of, axes, base - centre) for of in ((to_antenna, sight), (to_base, far))
-    )
-    slant = 0.5 * (ours[:, :1] + theirs[:, :1])
-    obliquity_difference = ours[:, 1:] / ours[:, :1] - theirs[:, 1:] / theirs[:, :1]
-    return np.column_stack([ours - theirs, slant * obliquity_difference])
+    to_satellite = _distance_to_sphere(antenna - centre, sight, ORBIT_M)[:, None] * sight
+    base_sight = to_satellite + (antenna - base)
+    base_sight /= np.linalg.norm(base_sight, axis=1)[:, None]
+    to_base = np.broadcast_to(base - centre, antenna.shape)
+    at_rover = _pierce_point_design(antenna - centre, sight, axes, base - centre)
+    at_base = _pierce_point_design(to_base, base_sight, axes, base - centre)
+    slant = 0.5 * (at_rover[:, :1] + at_base[:, :1])
+    offset = at_rover[:, 1:] / at_rover[:, :1] - at_base[:, 1:] / at_base[:, :1]
+    return np.column_stack([at_rover - at_base, slant * offset])
 
 
-def _reach(origin: Array, sight: Array, radius: float) -> Array:
-    """Distance (m,) along rays (m, 3) from origins (m, 3) to a sphere around the origin."""
+def _distance_to_sphere(origin: Array, sight: Array, radius: float) -> Array:
+    """Return the distance (m,), m, along rays (m, 3) from (m, 3), m, to a sphere around 0."""
     along = np.einsum("mi,mi->m", origin, sight)
     return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", origin, origin) + along**2) - along)
 
 
-def _pierced(origin: Array, sight: Array, axes: Array, base: Array) -> Array:
-    """(1, n, e) / cos z' (m, 3) of rays; origins (m, 3) and base (3,) from the shell's centre."""
-    point = origin + _reach(origin, sight, RADIUS_M + SHELL_M)[:, None] * sight
+def _pierce_point_design(origin: Array, sight: Array, axes: Array, base: Array) -> Array:
+    """Return (1, n, e) / cos z' (m, 3) of rays where they pierce the shell.
+
+    Origins (m, 3) and base (3,) are in m from the shell's centre; n and e are metres north and east
+    of the base.
+    """
+    point = origin + _distance_to_sphere(origin, sight, RADIUS_M + SHELL_M)[:, None] * sight
     slant = (RADIUS_M + SHELL_M) / np.einsum("mi,mi->m", point, sight)
     return np.column_stack([slant, slant[:, None] * ((point - base) @ axes[:, :2])])

@@ -98,17 +98,17 @@ def signals_of(observations: Observations) -> Signals:
     hours = 0.0
     systems = np.array([name[0] for name in satellite])
     for system in np.unique(systems):
-        of = rows[systems[tracks[rows]] == system]
-        arcs = _Arcs.of(o, of, tracks, str(system), interval)
+        system_rows = rows[systems[tracks[rows]] == system]
+        arcs = _Arcs.of(o, system_rows, tracks, str(system), interval)
         if arcs is None:
             continue
-        slips.append(np.column_stack([of[arcs.slip], arcs.flagged[arcs.slip]]))
+        slips.append(np.column_stack([system_rows[arcs.slip], arcs.flagged[arcs.slip]]))
         multipath |= arcs.multipath()
         hours += arcs.tracked * interval / 3600.0
     slip_table = np.concatenate(slips) if slips else np.zeros((0, 2), dtype=np.int64)
     slip_table = slip_table[np.argsort(o.epoch[slip_table[:, 0]], kind="stable")]
     slip_rows = slip_table[:, 0]
-    when, cn0 = _cn0(o)
+    when, cn0 = _median_cn0(o)
     return Signals(
         interval_s=interval,
         gaps=gaps,
@@ -146,28 +146,27 @@ class _Arcs:
     def of(
         cls, o: Observations, rows: Index, tracks: Index, system: str, interval: float
     ) -> "_Arcs | None":
-        """The arcs of `system`, or None where it has no phase."""
-        first, second = BANDS.get(system, ("1", "2"))
-        one, two = _busiest(o, rows, "L", first), _busiest(o, rows, "L", second)
-        if one is None:
+        """Return the arcs of `system` in `rows` (n,), or None where it has no phase."""
+        primary, secondary = (
+            _column_with_most_values(o, rows, "L", bands) for bands in BANDS.get(system, ("1", "2"))
+        )
+        if primary is None:
             return None
-        columns = [one, two if two is not None else one]
+        columns = [primary, primary if secondary is None else secondary]
         length = np.column_stack([_wavelength(o, rows, o.signals[k][1]) for k in columns])
         phase = length * o.values[rows][:, columns]
-        if two is None:
+        if secondary is None:
             phase[:, 1] = np.nan
-        codes = [_busiest(o, rows, "C", o.signals[k][1]) for k in columns]
+        codes = [_column_with_most_values(o, rows, "C", o.signals[k][1]) for k in columns]
         code = np.column_stack(
             [o.values[rows, k] if k is not None else np.full(rows.size, np.nan) for k in codes]
         )
-        time, track = o.time[o.epoch[rows]], tracks[rows]
-        observed = np.isfinite(o.values[rows, one])
-        before = np.roll(observed, 1)
-        begins = (
-            (track != np.roll(track, 1))
-            | (time - np.roll(time, 1) > LEAST_GAP_INTERVALS * interval)
-            | ~before
-        )
+        time = o.time[o.epoch[rows]]
+        track = tracks[rows]
+        observed = np.isfinite(o.values[rows, primary])
+        begins = track != np.roll(track, 1)
+        begins |= time - np.roll(time, 1) > LEAST_GAP_INTERVALS * interval
+        begins |= ~np.roll(observed, 1)
         begins[0] = True
         flagged = ((o.loss_of_lock[rows][:, columns] & LOCK_LOST) > 0).any(axis=1) & observed
         names = tuple(f"{system} {o.signals[k]}" if k is not None else "" for k in codes)
@@ -175,38 +174,36 @@ class _Arcs:
 
     @property
     def slip(self) -> NDArray[np.bool_]:
-        """(n,) slips within an arc: flagged, or a step of (Q.1)."""
-        free = self.phase[:, 0] - self.phase[:, 1]
-        step = np.where(self.begins, np.nan, np.abs(free - np.roll(free, 1)))
-        usual = medians(step, self.track, int(self.track.max()) + 1)
-        return ~self.begins & (
-            self.flagged | (step > np.maximum(STEP_M, STEP_NOISE * usual[self.track]))
-        )
+        """Return which rows (n,) have a slip within an arc: flagged, or a step of (Q.1)."""
+        geometry_free = self.phase[:, 0] - self.phase[:, 1]
+        step = np.where(self.begins, np.nan, np.abs(geometry_free - np.roll(geometry_free, 1)))
+        usual_step = medians(step, self.track, int(self.track.max()) + 1)[self.track]
+        return ~self.begins & (self.flagged | (step > np.maximum(STEP_M, STEP_NOISE * usual_step)))
 
     def multipath(self) -> dict[str, float]:
-        """Rms (Q.2) of both bands, m, by system and code; arcs end at slips."""
-        new = self.begins | self.slip
+        """Return the rms (Q.2) of both bands, m, by system and code; arcs end at slips."""
+        arc_number = np.cumsum(self.begins | self.slip)
         out = {}
         for k, name in enumerate(self.names):
             phase, second_phase = self.phase[:, k], self.phase[:, 1 - k]
-            a = (self.length[:, 1 - k] / self.length[:, k]) ** 2
+            ratio = (self.length[:, 1 - k] / self.length[:, k]) ** 2
             with np.errstate(divide="ignore", invalid="ignore"):
-                mp = self.code[:, k] - phase - 2.0 / (a - 1.0) * (phase - second_phase)
-            good = np.isfinite(mp)
-            arc = np.cumsum(new)[good]
-            if good.sum() < 2:
+                mp = self.code[:, k] - phase - 2.0 / (ratio - 1.0) * (phase - second_phase)
+            finite = np.isfinite(mp)
+            arc = arc_number[finite]
+            if finite.sum() < 2:
                 continue
             count = np.maximum(np.bincount(arc), 1)
-            residual = mp[good] - (np.bincount(arc, mp[good]) / count)[arc]
-            out[name] = float(
-                np.sqrt(np.sum(residual**2) / max(residual.size - np.unique(arc).size, 1))
-            )
+            residual = mp[finite] - (np.bincount(arc, mp[finite]) / count)[arc]
+            redundancy = max(residual.size - np.unique(arc).size, 1)
+            out[name] = float(np.sqrt(np.sum(residual**2) / redundancy))
         return out
 
 
-def _busiest(o: Observations, rows: Index, kind: str, bands: str) -> int | None:
-    """Column of the signal of `kind` with the most values in `rows`, of the first of `bands` that
-    has any.
+def _column_with_most_values(o: Observations, rows: Index, kind: str, bands: str) -> int | None:
+    """Return the column of `kind` with the most values in `rows` (n,), None where there is none.
+
+    It is of the first of `bands` that has any values.
     """
     for band in bands:
         columns = [k for k, name in enumerate(o.signals) if name.startswith(kind + band)]
@@ -217,13 +214,13 @@ def _busiest(o: Observations, rows: Index, kind: str, bands: str) -> int | None:
 
 
 def _wavelength(o: Observations, rows: Index, band: str) -> Array:
-    """Wavelength (n,) m of rows of one system; NaN where it is not known."""
+    """Return the wavelength (n,), m, of rows of one system; NaN where it is not known."""
     codes, satellite = unique_satellites(o.satellite[rows])
     return LIGHT / carriers(codes, [band], o.header.glonass_slots)[satellite, 0]
 
 
-def _cn0(o: Observations) -> tuple[Array, dict[str, Array]]:
-    """Time (k,) and the median C/N0 of all satellites (k,) by band, each second or epoch."""
+def _median_cn0(o: Observations) -> tuple[Array, dict[str, Array]]:
+    """Return times (k,), s, and median C/N0 (k,), dB-Hz, by band, each second or epoch."""
     seconds, index = np.unique(np.floor(o.time[o.epoch]), return_inverse=True)
     out = {}
     for band in sorted({name[1] for name in o.signals if name.startswith("S")}):

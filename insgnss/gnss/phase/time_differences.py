@@ -38,6 +38,8 @@ LOWEST_RAD = 0.05  # elevation (3 deg): lower, the mapping of the troposphere is
 LOCK_LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
 SMOOTHING_S = 15.0  # to either side of an epoch: phase noise of mm becomes less than 0.1 mm/s
 LEAST_SMOOTHED_S = 5.0  # of an arc within them: a mean over less is mostly noise (chosen)
+# of kappa over the bands of a pair: below it they are one band, two of GPS have 0.2
+LEAST_KAPPA_SPREAD = 1e-3
 OUTLIER_SIGMAS = 5.0  # of robust ones: a rate beyond it is a cycle slip, no ionosphere
 FREE_IONOSPHERE = 2e-3  # m/s in zenith, of an ionosphere that is not seen in two bands
 
@@ -160,23 +162,22 @@ def antenna_states(
     clock = medians((code - rho) / LIGHT + states.clock_s, epoch, stamp.size)
     time = stamp - clock
     position = _interpolate(time, position_time, fixed)
-    after = np.clip(np.searchsorted(position_time, time), 1, max(position_time.size - 1, 1))
-    since, until = (
-        time - position_time[after - 1],
-        position_time[np.minimum(after, position_time.size - 1)] - time,
-    )
-    bend = 0.5 * ACCELERATION * np.maximum(since, 0.0) * np.maximum(until, 0.0)
+    following = np.clip(np.searchsorted(position_time, time), 1, max(position_time.size - 1, 1))
+    since = np.maximum(time - position_time[following - 1], 0.0)
+    until = np.maximum(position_time[np.minimum(following, position_time.size - 1)] - time, 0.0)
+    bend = 0.5 * ACCELERATION * since * until
     variance = np.trace(positions.cov_ned, axis1=1, axis2=2)
     sd = np.sqrt(np.interp(time, position_time, variance)) + bend
-    inside = (
+    is_known = (
         (time >= position_time[0] - options.reach_s)
         & (time <= position_time[-1] + options.reach_s)
         & (sd <= options.position_sd)
     )
-    return AntennaPath(time, np.where(inside[:, None], position, np.nan), sd, clock), states
+    return AntennaPath(time, np.where(is_known[:, None], position, np.nan), sd, clock), states
 
 
 def _interpolate(time: Array, position_time: Array, values: Array) -> Array:
+    """Interpolate values (k, 3) at `position_time` (k,), s, linearly to `time` (n,), s."""
     return np.column_stack([np.interp(time, position_time, values[:, axis]) for axis in range(3)])
 
 
@@ -189,7 +190,8 @@ def medians(values: Array, group: Index, n: int) -> Array:
     start = np.concatenate([[0], np.cumsum(count)[:-1]])
     out = np.full(n, np.nan)
     filled = count > 0
-    low, high = start[filled] + (count[filled] - 1) // 2, start[filled] + count[filled] // 2
+    low = start[filled] + (count[filled] - 1) // 2
+    high = start[filled] + count[filled] // 2
     out[filled] = 0.5 * (values[low] + values[high])
     return out
 
@@ -201,17 +203,16 @@ def neighbours(
     epoch = observations.epoch
     _, satellite = unique_satellites(observations.satellite)
     order = np.lexsort((epoch, satellite))
-    first, second = order[:-1], order[1:]
+    earlier, later = order[:-1], order[1:]
     length = np.diff(observations.time, prepend=-np.inf)
-    consecutive = (satellite[first] == satellite[second]) & (epoch[second] == epoch[first] + 1)
-    consecutive &= (length[epoch[second]] <= options.longest_s) & (
-        observations.flag[epoch[second]] == 0
-    )
+    consecutive = (satellite[earlier] == satellite[later]) & (epoch[later] == epoch[earlier] + 1)
+    consecutive &= length[epoch[later]] <= options.longest_s
+    consecutive &= observations.flag[epoch[later]] == 0
     has_position = np.isfinite(antenna.position[:, 0])
-    consecutive &= has_position[epoch[first]] & has_position[epoch[second]]
-    first, second = first[consecutive], second[consecutive]
-    order = np.lexsort((satellite[second], epoch[second]))
-    return first[order], second[order]
+    consecutive &= has_position[epoch[earlier]] & has_position[epoch[later]]
+    pair = np.flatnonzero(consecutive)
+    pair = pair[np.lexsort((satellite[later[pair]], epoch[later[pair]]))]
+    return earlier[pair], later[pair]
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,30 +247,35 @@ def modelled_pairs(
     first: Index,
     second: Index,
 ) -> Modelled:
-    """Model the pairs of rows by the ephemerides and the positions."""
+    """Model the pairs of rows (m,) by the ephemerides and the positions.
+
+    Both epochs of a pair take the message of the second one, so that no change of ephemeris counts
+    as motion.
+    """
     message = states.message[second]
     position, clock = states.position[first], states.clock_s[first]
     changed = np.flatnonzero(states.message[first] != message)
-    again = first[changed]
-    kept = emission_states(
+    rows = first[changed]
+    recomputed = emission_states(
         navigation,
-        observations.satellite[again],
-        observations.time[observations.epoch[again]],
-        code[again],
+        observations.satellite[rows],
+        observations.time[observations.epoch[rows]],
+        code[rows],
         message[changed],
     )
-    position[changed], clock[changed] = kept.position, kept.clock_s
-    before, sight_before, _ = _range(antenna, observations.epoch[first], position, clock)
-    after, sight_after, elevation = _range(
+    position[changed] = recomputed.position
+    clock[changed] = recomputed.clock_s
+    range_1, sight_1, _ = _modelled_range(antenna, observations.epoch[first], position, clock)
+    range_2, sight_2, elevation = _modelled_range(
         antenna, observations.epoch[second], states.position[second], states.clock_s[second]
     )
-    return Modelled(first, second, after - before, 0.5 * (sight_before + sight_after), elevation)
+    return Modelled(first, second, range_2 - range_1, 0.5 * (sight_1 + sight_2), elevation)
 
 
-def _range(
+def _modelled_range(
     antenna: AntennaPath, epoch: Index, satellite: Array, clock: Array
 ) -> tuple[Array, Array, Array]:
-    """rho - c dt_s + T, m, direction to the satellite and elevation, rad."""
+    """Return rho - c dt_s + T (m,), m, directions to satellites (m, 3) and elevations (m,), rad."""
     receiver = antenna.position[epoch]
     rho, sight = ranges(satellite, receiver)
     _, elevation = sky(sight, receiver)
@@ -285,32 +291,30 @@ def phase_pairs(
 
     Of each satellite the first signal of each band that has one is taken.
     """
-    first, second = modelled.first, modelled.second
-    codes, satellite = unique_satellites(observations.satellite[second])
+    earlier, later = modelled.first, modelled.second
+    codes, satellite = unique_satellites(observations.satellite[later])
     bands = sorted({signal[1] for signal in observations.signals if signal[0] == "L"})
     channels = dict(observations.header.glonass_slots) | navigation.channels()
     hertz = carriers(codes, bands, channels)[satellite]
-    phase = np.full((second.size, len(bands)), np.nan)
-    free = np.ones(phase.shape, dtype=np.bool_)
+    phase = np.full((later.size, len(bands)), np.nan)
+    unfilled = np.ones(phase.shape, dtype=np.bool_)
     for k, signal in enumerate(observations.signals):
         if signal[0] != "L":
             continue
         column = bands.index(signal[1])
-        flags, before = observations.loss_of_lock[second, k], observations.loss_of_lock[first, k]
-        kept = ((flags & LOCK_LOST) == 0) & (((flags ^ before) & HALF_CYCLE) == 0)
-        change = observations.values[second, k] - observations.values[first, k]
-        usable = free[:, column] & np.isfinite(change)
-        phase[usable & kept, column] = change[usable & kept]
-        free[usable, column] = False
+        flags = observations.loss_of_lock[later, k]
+        earlier_flags = observations.loss_of_lock[earlier, k]
+        unbroken = ((flags & LOCK_LOST) == 0) & (((flags ^ earlier_flags) & HALF_CYCLE) == 0)
+        difference = observations.values[later, k] - observations.values[earlier, k]
+        usable = unfilled[:, column] & np.isfinite(difference)
+        phase[usable & unbroken, column] = difference[usable & unbroken]
+        unfilled[usable, column] = False
     high = np.isfinite(modelled.change) & (modelled.elevation >= np.radians(options.mask_deg))
     y = phase * LIGHT / hertz - np.where(high, modelled.change, np.nan)[:, None]
-    length = (
-        observations.time[observations.epoch[second]] - observations.time[observations.epoch[first]]
-    )
+    time = observations.time[observations.epoch[later]]
+    length = time - observations.time[observations.epoch[earlier]]
     kappa = (HERTZ["G"]["1"] / hertz) ** 2
-    rate = _ionosphere_rate(
-        y, kappa, satellite, observations.time[observations.epoch[second]], length
-    )
+    rate = _ionosphere_rate(y, kappa, satellite, time, length)
     y += kappa * (np.nan_to_num(rate) * length)[:, None]
     air = np.where(np.isnan(rate), FREE_IONOSPHERE, options.rate)
     rows, band = np.nonzero(np.isfinite(y))
@@ -319,34 +323,30 @@ def phase_pairs(
     )
     groups, group = np.unique(names, return_inverse=True)
     A = np.column_stack([-modelled.sight[rows], np.ones(rows.size)])
-    epoch = observations.epoch[second[rows]]
+    epoch = observations.epoch[later[rows]]
     sine = np.sin(modelled.elevation[rows])
     return Pairs(
-        epoch,
-        satellite[rows],
-        A,
-        y[rows, band],
-        sine,
-        air[rows],
-        group,
+        *(epoch, satellite[rows], A, y[rows, band], sine, air[rows], group),
         tuple(str(name) for name in groups),
     )
 
 
 def _ionosphere_rate(y: Array, kappa: Array, satellite: Index, time: Array, length: Array) -> Array:
-    """Rate of the ionospheric delay on GPS L1, m/s, of each pair (m,) (P.1); NaN where two bands do
-    not show it.
+    """Return the rate (m,), m/s, of the ionospheric delay on GPS L1 of each pair (P.1).
+
+    y and kappa are (m, bands), time and length (m,) in s; it is NaN where a pair lacks two bands.
     """
     finite = np.isfinite(y)
     count = np.maximum(finite.sum(axis=1, keepdims=True), 1)
-    y, kappa = np.where(finite, y, 0.0), np.where(finite, kappa, 0.0)
+    y = np.where(finite, y, 0.0)
+    kappa = np.where(finite, kappa, 0.0)
     centred = np.where(finite, kappa - kappa.sum(axis=1, keepdims=True) / count, 0.0)
     spread = (centred**2).sum(axis=1)
-    two = spread > 1e-3
-    change = -(centred * y).sum(axis=1) / np.where(two, spread, 1.0)
+    has_two_bands = spread > LEAST_KAPPA_SPREAD
+    change = -(centred * y).sum(axis=1) / np.where(has_two_bands, spread, 1.0)
     out = np.full(length.size, np.nan)
     for k in range(int(satellite.max(initial=-1)) + 1):
-        rows = np.flatnonzero((satellite == k) & two)
+        rows = np.flatnonzero((satellite == k) & has_two_bands)
         if rows.size == 0:
             continue
         deviation = np.abs(change[rows] - np.median(change[rows]))
@@ -354,11 +354,10 @@ def _ionosphere_rate(y: Array, kappa: Array, satellite: Index, time: Array, leng
         sums = np.concatenate(
             [np.zeros((1, 2)), np.cumsum(np.column_stack([change[rows], length[rows]]), axis=0)]
         )
-        mine = np.flatnonzero(satellite == k)
-        low = np.searchsorted(time[rows], time[mine] - SMOOTHING_S)
-        high = np.searchsorted(time[rows], time[mine] + SMOOTHING_S, side="right")
+        rows_of_satellite = np.flatnonzero(satellite == k)
+        low = np.searchsorted(time[rows], time[rows_of_satellite] - SMOOTHING_S)
+        high = np.searchsorted(time[rows], time[rows_of_satellite] + SMOOTHING_S, side="right")
         total = sums[high] - sums[low]
-        out[mine] = np.where(
-            total[:, 1] >= LEAST_SMOOTHED_S, total[:, 0] / np.maximum(total[:, 1], 1e-3), np.nan
-        )
+        smoothed = total[:, 0] / np.maximum(total[:, 1], LEAST_SMOOTHED_S)
+        out[rows_of_satellite] = np.where(total[:, 1] >= LEAST_SMOOTHED_S, smoothed, np.nan)
     return out

@@ -65,6 +65,13 @@ CELSIUS_ZERO = 273.15  # K
 SHAPE_SHARE = 0.1
 LIMITS = {name: (item.option.low, item.option.high) for name, item in declared(Air).items()}
 CORRECTED = (1, 2)  # of RTKLIB's qualities: fixed and float, the two of its relative mode of phases
+# name, least and largest of the stated standard deviations (hPa, K, 1): larger ones are no sigmas
+SIGMA_LIMITS = (
+    ("sd_pressure_hpa", 0.0, 100.0),
+    ("sd_temperature_c", 0.0, 30.0),
+    ("sd_humidity", 0.0, 0.5),
+)
+TOP_M = 4.4e4  # height (m) above which the standard atmosphere's air adds no delay
 
 
 @dataclass(frozen=True)
@@ -97,12 +104,7 @@ class Atmosphere:
 
     def __post_init__(self) -> None:
         limits = ((name, *ends) for name, ends in LIMITS.items())
-        spread = (
-            ("sd_pressure_hpa", 0.0, 100.0),
-            ("sd_temperature_c", 0.0, 30.0),
-            ("sd_humidity", 0.0, 0.5),
-        )
-        for name, low, high in (*limits, *spread):
+        for name, low, high in (*limits, *SIGMA_LIMITS):
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(
@@ -181,6 +183,7 @@ def hydrostatic_layer(
 
 
 def _site(lat: ArrayLike, height: float) -> Array:
+    """Return the factor of gravity at a latitude, rad, and height, m (Saastamoinen)."""
     return np.asarray(1.0 - 2.66e-3 * np.cos(2.0 * np.asarray(lat)) - 2.8e-7 * height)
 
 
@@ -194,12 +197,11 @@ def standard_slant_delay(lat: ArrayLike, height: ArrayLike, elevation: ArrayLike
 
     Latitudes, rad, heights, m, and elevations, rad, are of one shape.
     """
-    top = 4.4e4  # m: what is above has no weight
     base = standard_atmosphere(0.0)
     height = np.asarray(height, dtype=np.float64)
     zenith = (
-        hydrostatic_layer(base, top, lat, 0.0)
-        + wet_layer(base, top)
+        hydrostatic_layer(base, TOP_M, lat, 0.0)
+        + wet_layer(base, TOP_M)
         - hydrostatic_layer(base, height, lat, 0.0)
     )
     return (zenith - wet_layer(base, height)) * mapping(elevation)
@@ -278,11 +280,12 @@ def wet_delay_correction(
     )
     atmosphere = atmosphere or standard_atmosphere(height)
     rise = fixes.height - height
-    zenith = _left_out(atmosphere, rise, lat, height)
+    zenith = _omitted_zenith_delay(atmosphere, rise, lat, height)
     slope = displacement_per_delay(satellites, fixes.time.size)
     quality = np.ones(fixes.time.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     corrected = np.isin(quality, CORRECTED)
-    if (uncorrectable := corrected & np.isnan(slope[:, 0])).any():
+    uncorrectable = corrected & np.isnan(slope[:, 0])
+    if uncorrectable.any():
         k = int(np.argmax(uncorrectable))
         message = (
             f"{int(uncorrectable.sum())} positions, the first at {fixes.time[k]:.3f} s, have too"
@@ -292,18 +295,23 @@ def wet_delay_correction(
             f"{fixes.source or 'positions'}: {message}; check that positions and observations"
             " belong together, or switch the correction off"
         )
-    variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2
-    zenith, slope = np.where(corrected, zenith, 0.0), np.where(corrected[:, None], slope, 0.0)
+    variance = _weather_variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2
+    zenith = np.where(corrected, zenith, 0.0)
+    slope = np.where(corrected[:, None], slope, 0.0)
     correction = -slope * zenith[:, None]
     variance = np.where(quality == Quality.FIXED, variance, variance + zenith**2) * corrected
     cov = slope[:, :, None] * slope[:, None, :] * variance[:, None, None]
-    high = corrected & (np.abs(rise) > 1.0)
-    per_metre = float(np.mean(-correction[high, 2] / rise[high])) if high.any() else float("nan")
+    has_height_difference = corrected & (np.abs(rise) > 1.0)
+    per_metre = (
+        float(np.mean(-correction[has_height_difference, 2] / rise[has_height_difference]))
+        if has_height_difference.any()
+        else float("nan")
+    )
     return TroposphereCorrection(correction, cov, slope, zenith, atmosphere, per_metre)
 
 
-def _left_out(atmosphere: Atmosphere, rise: Array, lat: float, height: float) -> Array:
-    """D of (T.1), m."""
+def _omitted_zenith_delay(atmosphere: Atmosphere, rise: Array, lat: float, height: float) -> Array:
+    """Return D of (T.1) (n,), m: the zenith delay that the engine omits at `rise` (n,), m."""
     return (
         engine_layer(rise, lat, height)
         - hydrostatic_layer(atmosphere, rise, lat, height)
@@ -311,18 +319,21 @@ def _left_out(atmosphere: Atmosphere, rise: Array, lat: float, height: float) ->
     )
 
 
-def _variance(atmosphere: Atmosphere, rise: Array, lat: float, height: float) -> Array:
-    """Variance (n,) m^2 of D: of each quantity of the air the mean square of what its standard
-    deviation up and down changes.
+def _weather_variance(atmosphere: Atmosphere, rise: Array, lat: float, height: float) -> Array:
+    """Return the variance (n,), m^2, of D by the standard deviations of the air's quantities.
+
+    That of a quantity is the mean square of the changes by one sigma up and one down.
     """
-    zenith, variance = _left_out(atmosphere, rise, lat, height), np.zeros(rise.shape)
+    zenith = _omitted_zenith_delay(atmosphere, rise, lat, height)
+    variance = np.zeros(rise.shape)
     for name, (low, high) in LIMITS.items():
-        value, sd = getattr(atmosphere, name), getattr(atmosphere, f"sd_{name}")
+        value = getattr(atmosphere, name)
+        sd = getattr(atmosphere, f"sd_{name}")
         ends = (
             replace(atmosphere, **{name: min(max(value + sign * sd, low), high)})
             for sign in (-1.0, 1.0)
         )
-        changes = [(_left_out(end, rise, lat, height) - zenith) ** 2 for end in ends]
+        changes = [(_omitted_zenith_delay(end, rise, lat, height) - zenith) ** 2 for end in ends]
         variance += 0.5 * (changes[0] + changes[1])
     return variance
 

@@ -100,6 +100,7 @@ UNEVEN = 0.1  # of an interval, by which those around an epoch may differ
 MISSED_SHARE = 0.2  # of what the jerk bends, that a cubic through the epochs around does not see
 UNKNOWN_JERK, UNSEEN_JERK = 1.0, 5.0  # m/s^3, beside the jerk that is found, and where none is
 OF_ANOTHER_FLIGHT = "check that positions and navigation are of this flight"
+LEAST_REDUNDANCY = 1e-9  # of an interval: above zero, so that one without any has no ratio
 FIRST_NOISE_M = 0.01  # of the phase at zenith, before it is known
 
 
@@ -174,9 +175,9 @@ def time_differenced_velocity(
     navigation = navigation.of_week(observations.gps_week)
     code = code_ranges(observations)
     antenna, states = antenna_states(observations, navigation, positions, code, options)
-    first, second = neighbours(observations, antenna, options)
-    modelled = modelled_pairs(observations, navigation, antenna, code, states, first, second)
-    pairs = phase_pairs(observations, navigation, modelled, options) if first.size else None
+    earlier, later = neighbours(observations, antenna, options)
+    modelled = modelled_pairs(observations, navigation, antenna, code, states, earlier, later)
+    pairs = phase_pairs(observations, navigation, modelled, options) if earlier.size else None
     if pairs is None or pairs.y.size == 0:
         message = (
             "no satellite has a phase in two neighbouring epochs with a position, an ephemeris"
@@ -189,19 +190,19 @@ def time_differenced_velocity(
 def _solve(
     observations: Observations, antenna: AntennaPath, pairs: Pairs, options: VelocityOptions
 ) -> AntennaVelocity:
-    """Least squares of all intervals, and their velocities."""
+    """Solve all intervals by least squares, and return the velocities of those that agree."""
     ends, start = np.unique(pairs.epoch, return_index=True)
     length = antenna.time[ends] - antenna.time[ends - 1]
     solution, cov, sums, weight, noise = _least_squares(
         pairs, np.append(start, pairs.epoch.size), length, options
     )
     factor = sums[:, 1].sum() / max(sums[:, 2].sum(), 1.0)
-    consistency = sums[:, 1] / np.maximum(factor * sums[:, 2], 1e-9)
-    largest = np.sqrt(factor * np.trace(cov[:, :3, :3], axis1=1, axis2=2)) / length
+    consistency = sums[:, 1] / np.maximum(factor * sums[:, 2], LEAST_REDUNDANCY)
+    sd = np.sqrt(factor * np.trace(cov[:, :3, :3], axis1=1, axis2=2)) / length
     good = (
         (sums[:, 0] >= options.fewest)
         & (consistency <= options.excess)
-        & (largest <= options.largest_sd)
+        & (sd <= options.largest_sd)
     )
     if not good.any():
         message = (
@@ -238,38 +239,32 @@ def _solve(
 def _least_squares(
     pairs: Pairs, bounds: Index, length: Array, options: VelocityOptions
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Solutions (n, 4), covariances (n, 4, 4), sums (n, 3), weights (m,), and noise of each group
-    that three passes before have found.
+    """Return solutions (n, 4), covariances (n, 4, 4), sums (n, 3), weights (m,) and noise (g,), m.
+
+    The noise of each group is the one that the three passes before the last have estimated.
     """
     from . import _velocity_kernels
 
     n, m = length.size, pairs.y.size
-    solution, cov, sums = np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros((n, 3))
-    weight, normalised = np.ones(m), np.zeros(m)
+    solution = np.zeros((n, 4))
+    cov = np.zeros((n, 4, 4))
+    sums = np.zeros((n, 3))
+    weight = np.ones(m)
+    normalised = np.zeros(m)
     shape = np.sqrt(1.0 + pairs.sine**-2)
     common = pairs.air * np.repeat(length, np.diff(bounds)) / pairs.sine
-    noise, rejecting = np.full(len(pairs.groups), FIRST_NOISE_M), False
+    noise = np.full(len(pairs.groups), FIRST_NOISE_M)
+    rejecting = False
     for limit in (np.inf, options.limit, options.limit, options.limit):
         if limit < np.inf:
-            noise = noise * _growth(
+            noise = noise * _noise_growth(
                 normalised, weight > 0.0, pairs.group, noise.size, robust=not rejecting
             )
             rejecting = True
         sigma = np.hypot(noise[pairs.group] * shape, common)
         _velocity_kernels.solve(
-            bounds,
-            pairs.A,
-            pairs.y,
-            sigma,
-            common,
-            pairs.satellite,
-            limit,
-            options.fewest,
-            solution,
-            cov,
-            weight,
-            normalised,
-            sums,
+            *(bounds, pairs.A, pairs.y, sigma, common, pairs.satellite, limit, options.fewest),
+            *(solution, cov, weight, normalised, sums),
         )
     return solution, cov, sums, weight, noise
 
@@ -281,26 +276,26 @@ class StampedVelocity(NamedTuple):
     cov_ned: Array
 
 
-def _growth(
-    normalised: Array, used: NDArray[np.bool_], group: Index, groups: int, robust: bool
+def _noise_growth(
+    normalised: Array, weighted: NDArray[np.bool_], group: Index, groups: int, robust: bool
 ) -> Array:
-    """Factors (groups,) by which the noise is larger than it was taken; of a group with few rows
-    near that of all.
+    """Return the ratio (groups,) of estimated to assumed noise of normalised residuals (m,).
+
+    That of a group is pooled with `POOLED_ROWS` rows of the ratio of all, so that small groups
+    are near it.
     """
 
-    def size(rows: NDArray[np.bool_]) -> float:
+    def sigma(rows: NDArray[np.bool_]) -> float:
         if not rows.any():
             return 1.0
-        return float(
-            MAD_TO_SIGMA * np.median(np.abs(normalised[rows]))
-            if robust
-            else np.sqrt(np.mean(normalised[rows] ** 2))
-        )
+        if robust:
+            return float(MAD_TO_SIGMA * np.median(np.abs(normalised[rows])))
+        return float(np.sqrt(np.mean(normalised[rows] ** 2)))
 
-    every = size(used)
-    counts = np.bincount(group[used], minlength=groups)
-    size_of_group = np.array([size(used & (group == k)) for k in range(groups)])
-    return np.sqrt((counts * size_of_group**2 + POOLED_ROWS * every**2) / (counts + POOLED_ROWS))
+    pooled = POOLED_ROWS * sigma(weighted) ** 2
+    counts = np.bincount(group[weighted], minlength=groups)
+    sigma_of_group = np.array([sigma(weighted & (group == k)) for k in range(groups)])
+    return np.sqrt((counts * sigma_of_group**2 + pooled) / (counts + POOLED_ROWS))
 
 
 def at_stamps(velocity: AntennaVelocity, time: ArrayLike) -> StampedVelocity:
@@ -312,59 +307,64 @@ def at_stamps(velocity: AntennaVelocity, time: ArrayLike) -> StampedVelocity:
     time = np.asarray(time, dtype=np.float64)
     ends = velocity.time + 0.5 * velocity.interval_s
     joined = np.flatnonzero(np.diff(velocity.epoch) == 1)
-    out, cov = np.full((time.size, 3), np.nan), np.full((time.size, 3, 3), np.nan)
+    out = np.full((time.size, 3), np.nan)
+    cov = np.full((time.size, 3, 3), np.nan)
     if joined.size == 0:
         return StampedVelocity(out, cov)
-    end_velocity, end_cov = _at_ends(velocity, joined)
+    end_velocity, end_cov = _velocity_at_ends(velocity, joined)
     index = np.searchsorted(0.5 * (ends[joined][1:] + ends[joined][:-1]), time)
-    near = np.abs(ends[joined][index] - time) <= SAME_TIME_S
-    out[near], cov[near] = end_velocity[index[near]], end_cov[index[near]]
+    same_epoch = np.abs(ends[joined][index] - time) <= SAME_TIME_S
+    out[same_epoch] = end_velocity[index[same_epoch]]
+    cov[same_epoch] = end_cov[index[same_epoch]]
     return StampedVelocity(out, cov)
 
 
-def _at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
-    """Velocities (k, 3) and covariances (k, 3, 3) at the ends of the intervals `joined` (k,), which
-    the next ones follow.
+def _velocity_at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
+    """Return velocities (k, 3), m/s, and covariances (k, 3, 3) by (V.5) to (V.7).
+
+    They are at the ends of the intervals `joined` (k,), each of which is followed by the next one.
     """
     T = velocity.interval_s
-    out, cov = np.empty((joined.size, 3)), np.empty((joined.size, 3, 3))
+    out = np.empty((joined.size, 3))
+    cov = np.empty((joined.size, 3, 3))
     widest = max(round(JERK_S / float(np.median(T))), 2)
     remaining = np.ones(joined.size, dtype=np.bool_)
     for half in dict.fromkeys((widest, 2, 0)):
-        these = np.flatnonzero(remaining & _even(velocity, joined, half))
-        remaining[these] = False
-        k = joined[these]
-        weights = np.zeros((these.size, max(2 * half, 2)))
+        group = np.flatnonzero(remaining & _has_even_intervals(velocity, joined, half))
+        remaining[group] = False
+        k = joined[group]
+        weights = np.zeros((group.size, max(2 * half, 2)))
         middle = weights.shape[1] // 2
         weights[:, middle - 1] = T[k + 1] / (T[k] + T[k + 1])
         weights[:, middle] = T[k] / (T[k] + T[k + 1])
         bend = T[k] * T[k + 1] / 6.0
         rows = k[:, None] + np.arange(1 - middle, 1 + middle)
-        bent = np.zeros((these.size, 3))
+        bent_velocity = np.zeros((group.size, 3))
         if half:
-            of_jerk = (bend / np.mean(T[rows], axis=1) ** 2)[:, None] * jerk_weights(half)
-            bent = np.einsum("kj,kjd->kd", of_jerk, velocity.velocity_ned[rows])
-            weights -= of_jerk
-        out[these] = np.einsum("kj,kjd->kd", weights, velocity.velocity_ned[rows])
-        unseen = bend * (UNKNOWN_JERK if half else UNSEEN_JERK)
-        cov[these] = (
-            _noise(velocity, rows, weights) + MISSED_SHARE**2 * bent[:, :, None] * bent[:, None, :]
+            jerk_term = (bend / np.mean(T[rows], axis=1) ** 2)[:, None] * jerk_weights(half)
+            bent_velocity = np.einsum("kj,kjd->kd", jerk_term, velocity.velocity_ned[rows])
+            weights -= jerk_term
+        out[group] = np.einsum("kj,kjd->kd", weights, velocity.velocity_ned[rows])
+        jerk_error = bend * (UNKNOWN_JERK if half else UNSEEN_JERK)
+        cov[group] = (
+            _weighted_covariance(velocity, rows, weights)
+            + MISSED_SHARE**2 * bent_velocity[:, :, None] * bent_velocity[:, None, :]
         )
-        cov[these] += (unseen**2)[:, None, None] * np.eye(3)
+        cov[group] += (jerk_error**2)[:, None, None] * np.eye(3)
     return out, cov
 
 
-def _even(velocity: AntennaVelocity, joined: Index, half: int) -> NDArray[np.bool_]:
-    """(k,) whether `half` intervals on either side of each end follow each other at one pace."""
+def _has_even_intervals(velocity: AntennaVelocity, joined: Index, half: int) -> NDArray[np.bool_]:
+    """Return whether (k,) the `half` intervals on either side of each end are even, without gap."""
     if half == 0:
         return np.ones(joined.size, dtype=np.bool_)
-    first, last = joined - half + 1, joined + half
-    inside = (first >= 0) & (last < velocity.epoch.size)
-    first, last = np.where(inside, first, 0), np.where(inside, last, 0)
-    whole = velocity.epoch[last] - velocity.epoch[first] == 2 * half - 1
-    rows = first[:, None] + np.arange(2 * half) * inside[:, None]
+    inside = (joined - half + 1 >= 0) & (joined + half < velocity.epoch.size)
+    start = np.where(inside, joined - half + 1, 0)
+    end = np.where(inside, joined + half, 0)
+    without_gap = velocity.epoch[end] - velocity.epoch[start] == 2 * half - 1
+    rows = start[:, None] + np.arange(2 * half) * inside[:, None]
     T = velocity.interval_s[rows]
-    return np.asarray(inside & whole & (np.ptp(T, axis=1) <= UNEVEN * T.mean(axis=1)))
+    return np.asarray(inside & without_gap & (np.ptp(T, axis=1) <= UNEVEN * T.mean(axis=1)))
 
 
 def jerk_weights(half: int) -> Array:
@@ -377,9 +377,10 @@ def jerk_weights(half: int) -> Array:
     return np.asarray(np.cumsum(of_position[::-1])[::-1][1:])
 
 
-def _noise(velocity: AntennaVelocity, rows: Index, weights: Array) -> Array:
-    """Covariance (k, 3, 3) of the sums of velocities `rows` (k, w) by `weights` (k, w), neighbours
-    of which share a phase (V.7).
+def _weighted_covariance(velocity: AntennaVelocity, rows: Index, weights: Array) -> Array:
+    """Return the covariance (k, 3, 3), m^2/s^2, of weighted sums of velocities (V.7).
+
+    `rows` (k, w) are their intervals, `weights` (k, w); neighbouring intervals share a phase.
     """
     T = velocity.interval_s[rows]
     share = np.pad(weights / T, ((0, 0), (1, 1)))

@@ -51,7 +51,7 @@ OLD_S = 5.0  # of a base epoch: satellite clocks wander by 5 mm meanwhile
 LONG_GAP_S = 2.0
 APART_SHARE = 0.005  # of the epochs, whose forward and backward positions contradict (chosen)
 BASE_CHECKS = ("base coordinates", "base point", "base antenna")
-BESIDE = ("ns", "age", "ratio")  # columns of a solution
+SOLUTION_COLUMNS = ("ns", "age", "ratio")  # columns of a solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,28 +85,30 @@ def solution_of(rows: PosRows) -> EngineSolution:
         With file and line, as `io.formats.gnss.rtklib_pos` raises it.
     """
     columns, roots = rows.columns, ROOTS[rows.header.kind]
-    if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
+    if missing := [name for name in (*roots, *SOLUTION_COLUMNS) if name not in columns]:
         raise InputError.in_file(
             rows.table.path,
             f"the header does not name {missing[0]}; is it a solution of an engine?",
         )
-    incomplete = _without_covariance(np.column_stack([columns[name] for name in roots]))
-    fixes = _without_roots(rows, incomplete) if incomplete.any() else fixes_of_rows(rows)
+    incomplete = _covariance_missing(np.column_stack([columns[name] for name in roots]))
+    fixes = (
+        _fixes_with_unknown_sigmas(rows, incomplete) if incomplete.any() else fixes_of_rows(rows)
+    )
     if fixes.quality is not None:
         fixes = replace(fixes, quality=np.where(incomplete, Quality.SINGLE, fixes.quality))
-    return EngineSolution(fixes, *(columns[name] for name in BESIDE))
+    return EngineSolution(fixes, *(columns[name] for name in SOLUTION_COLUMNS))
 
 
-def _without_covariance(roots: Array) -> NDArray[np.bool_]:
-    """(n,) where signed roots (n, 6) are those of no covariance."""
-    P = covariance_of_roots(roots)
-    bad = (roots[:, :3] <= 0.0).any(axis=1)
-    P[bad] = np.eye(3)
-    return np.asarray(bad | without_inverse(P))
+def _covariance_missing(roots: Array) -> NDArray[np.bool_]:
+    """Return which (n,) of the signed roots (n, 6), m, belong to no covariance matrix."""
+    cov = covariance_of_roots(roots)
+    missing = (roots[:, :3] <= 0.0).any(axis=1)
+    cov[missing] = np.eye(3)
+    return np.asarray(missing | without_inverse(cov))
 
 
-def _without_roots(rows: PosRows, incomplete: NDArray[np.bool_]) -> GnssFixes:
-    """The fixes of the rows, the six roots of the rows `incomplete` (n,) zero: unknown."""
+def _fixes_with_unknown_sigmas(rows: PosRows, incomplete: NDArray[np.bool_]) -> GnssFixes:
+    """Return the fixes of the rows, those `incomplete` (n,) with `UNKNOWN_SIGMA_M`, and a note."""
     zeroed = {
         name: np.where(incomplete, 0.0, rows.columns[name]) for name in ROOTS[rows.header.kind]
     }
@@ -117,10 +119,10 @@ def _without_roots(rows: PosRows, incomplete: NDArray[np.bool_]) -> GnssFixes:
         f"{int(incomplete.sum())} epochs have no covariance: standard deviations of zero, or"
         " correlations beyond one"
     )
-    size = ", ".join(f"{s:g}" for s in UNKNOWN_SIGMA_M)
+    sigmas = ", ".join(f"{s:g}" for s in UNKNOWN_SIGMA_M)
     advice = (
-        f"these epochs get standard deviations of {size} m and count as single-point solutions; an"
-        " engine's dynamics model needs an epoch about every second"
+        f"these epochs get standard deviations of {sigmas} m and count as single-point solutions;"
+        " an engine's dynamics model needs an epoch about every second"
     )
     note = Question("GNSS covariance", "a covariance each").note(finding, advice)
     other_notes = tuple(check for check in fixes.notes if check.topic != SIGMAS_ASSUMED)
@@ -228,34 +230,34 @@ def coverage_numbers(
         None without any.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~solved, [False]])))
-    first, last = edges[::2], edges[1::2] - 1
-    longest = int(np.argmax(time[last] - time[first])) if first.size else 0
+    start, end = edges[::2], edges[1::2] - 1
+    unsolved_s = None
+    if start.size:
+        longest = int(np.argmax(time[end] - time[start]))
+        unsolved_s = [float(time[start[longest]]), float(time[end[longest]])]
     return {
         "epochs_observed": time.size,
         "unsolved": int((~solved).sum()),
         "unsolved_share": float((~solved).mean()),
-        "unsolved_periods": first.size,
-        "unsolved_s": (
-            [float(time[first[longest]]), float(time[last[longest]])] if first.size else None
-        ),
+        "unsolved_periods": start.size,
+        "unsolved_s": unsolved_s,
         "fix_rate_observed": float(fixed.mean()),
         "longest_without_fixed_s": longest_without(time, fixed),
     }
 
 
 def _separation_numbers(separation: Separation, gate: float) -> dict[str, Any]:
+    """Return counts and sizes (north, east, down, m) of the forward-backward separations."""
     finite = np.isfinite(separation.ned).all(axis=1)
-    separation_ned = separation.ned[separation.fixed]
+    fixed_ned = separation.ned[separation.fixed]
+    rms = np.sqrt(np.mean(fixed_ned**2, axis=0)).tolist() if fixed_ned.size else None
+    largest = np.abs(fixed_ned).max(axis=0).tolist() if fixed_ned.size else None
     return {
         "epochs": int(finite.sum()),
         "both_fixed": int(separation.fixed.sum()),
         "contradicting": int(separation.beyond(gate).sum()),
-        "fixed_rms_m": np.sqrt(np.mean(separation_ned**2, axis=0)).tolist()
-        if separation_ned.size
-        else None,
-        "fixed_largest_m": np.abs(separation_ned).max(axis=0).tolist()
-        if separation_ned.size
-        else None,
+        "fixed_rms_m": rms,
+        "fixed_largest_m": largest,
     }
 
 
@@ -265,8 +267,8 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
     return float(np.diff(marks).max(initial=0.0))
 
 
-def _doubts(before: Iterable[Finding]) -> list[Finding]:
-    """The checks of inputs and steps that stand against a good solution."""
+def _doubting_checks(before: Iterable[Finding]) -> list[Finding]:
+    """Return the checks of inputs and steps that contradict the grade "good"."""
     return [
         check
         for check in before
@@ -280,7 +282,7 @@ def grade(numbers: Mapping[str, Any], before: Iterable[Finding] = ()) -> str:
     rate = numbers["fix_rate_observed"]
     if rate < FAIR_RATE:
         return "poor"
-    return "usable with care" if rate < GOOD_RATE or _doubts(before) else "good"
+    return "usable with care" if rate < GOOD_RATE or _doubting_checks(before) else "good"
 
 
 def verdict(
@@ -301,8 +303,8 @@ def verdict(
         checks.append(_check_separation(numbers["separation"], numbers["epochs"]))
     if "signals" in numbers:
         checks += _check_signals(numbers["signals"])
-    rate, doubts = numbers["fix_rate_observed"], _doubts(before)
-    summary = f"{grade(numbers, before)}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs"
+    percent = 100 * numbers["fix_rate_observed"]
+    summary = f"{grade(numbers, before)}: {percent:.1f} % of {numbers['epochs_observed']} epochs"
     summary += " are fixed and confirmed"
     if degraded := numbers["classes"][FIX_CLASSES[DEGRADED]]:
         summary += f", {degraded} of them degraded"
@@ -311,9 +313,9 @@ def verdict(
     if sigma and None not in sigma:
         summary += f", standard deviations north, east, down {_in_mm(sigma)}"
     remaining = [
-        c.name.removeprefix("GNSS ")
-        for c in (*doubts, *checks)
-        if c.verdict != "ok" and c.name != "GNSS fix rate"
+        check.name.removeprefix("GNSS ")
+        for check in (*_doubting_checks(before), *checks)
+        if check.verdict != "ok" and check.name != "GNSS fix rate"
     ]
     summary += f"; look at {', '.join(dict.fromkeys(remaining))}" if remaining else ""
     return summary, tuple(checks)
@@ -323,40 +325,42 @@ def _in_mm(metres: Iterable[float]) -> str:
     return f"{', '.join(f'{1e3 * x:.0f}' for x in metres)} mm"
 
 
-def _check_rate(n: Mapping[str, Any]) -> Finding:
-    isolated = n["classes"][FIX_CLASSES[ISOLATED]] + n["classes"][FIX_CLASSES[UNSUPPORTED]]
-    finding = f"{100 * n['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
-    finding += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
+def _check_rate(numbers: Mapping[str, Any]) -> Finding:
+    isolated = (
+        numbers["classes"][FIX_CLASSES[ISOLATED]] + numbers["classes"][FIX_CLASSES[UNSUPPORTED]]
+    )
+    finding = f"{100 * numbers['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
+    finding += f", longest time without a fixed epoch {numbers['longest_without_fixed_s']:.1f} s"
     advice = (
         "check base coordinates, antenna, navigation files and the mask; float epochs have errors"
         " of decimetres, and the IMU must bridge them"
     )
     ask = Question("GNSS fix rate", f"{100 * GOOD_RATE:.0f} % at least")
-    return ask.note(finding, advice, when=n["fix_rate_observed"] < GOOD_RATE)
+    return ask.note(finding, advice, when=numbers["fix_rate_observed"] < GOOD_RATE)
 
 
-def _check_unsolved(n: Mapping[str, Any]) -> Finding:
+def _check_unsolved(numbers: Mapping[str, Any]) -> Finding:
     expected = f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without"
     ask = Question("GNSS epochs", expected)
-    finding = f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution"
-    periods = n["unsolved_periods"]
-    if n["unsolved_s"] is None:
+    finding = f"{numbers['unsolved']} of {numbers['epochs_observed']} epochs have no solution"
+    periods = numbers["unsolved_periods"]
+    if numbers["unsolved_s"] is None:
         return ask.ok(finding)
-    first, last = n["unsolved_s"]
+    start, end = numbers["unsolved_s"]
     finding += (
-        f", {'' if periods == 1 else f'in {periods} periods, the longest '}from {first:.1f} s"
-        f" to {last:.1f} s"
+        f", {'' if periods == 1 else f'in {periods} periods, the longest '}from {start:.1f} s"
+        f" to {end:.1f} s"
     )
-    bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
+    too_long = numbers["unsolved_share"] > 1.0 - GOOD_RATE or end - start > LONG_GAP_S
     advice = (
         "too few satellites, or no epoch of the base within max_age_s: does the base's file cover"
         " the whole flight?"
     )
-    return ask.note(finding, advice, when=bad)
+    return ask.note(finding, advice, when=too_long)
 
 
-def _check_degraded(n: Mapping[str, Any]) -> Finding:
-    degraded = n["classes"][FIX_CLASSES[DEGRADED]]
+def _check_degraded(numbers: Mapping[str, Any]) -> Finding:
+    degraded = numbers["classes"][FIX_CLASSES[DEGRADED]]
     finding = f"{degraded} fixed epochs, in minutes in which a good part of the epochs is not fixed"
     advice = (
         "obstructions and reflections there also shift fixed positions by centimetres: their"
@@ -365,41 +369,41 @@ def _check_degraded(n: Mapping[str, Any]) -> Finding:
     return Question("GNSS degraded fixes", "none").note(finding, advice, when=degraded > 0)
 
 
-def _check_satellites(n: Mapping[str, Any]) -> Finding:
-    s = n["satellites"]
-    finding = f"{s['median']:.0f} in the median, {s['least']} at least"
+def _check_satellites(numbers: Mapping[str, Any]) -> Finding:
+    count = numbers["satellites"]
+    finding = f"{count['median']:.0f} in the median, {count['least']} at least"
     advice = (
         "few satellites make incorrect ambiguity fixes likely: use all systems that rover and base"
         " have in common, or a lower mask"
     )
     ask = Question("GNSS satellites", f"{FEW_SATELLITES} at least")
-    return ask.note(finding, advice, when=s["least"] < FEW_SATELLITES)
+    return ask.note(finding, advice, when=count["least"] < FEW_SATELLITES)
 
 
-def _check_distance(n: Mapping[str, Any]) -> Finding:
-    d = n["base_distance_m"]
-    low, high = n["height_above_base_m"]
+def _check_distance(numbers: Mapping[str, Any]) -> Finding:
+    distance = numbers["base_distance_m"]
+    low, high = numbers["height_above_base_m"]
     finding = (
-        f"{1e-3 * d['least']:.2f} to {1e-3 * d['largest']:.2f} km, {low:.0f} to {high:.0f} m above"
-        " the base"
+        f"{1e-3 * distance['least']:.2f} to {1e-3 * distance['largest']:.2f} km,"
+        f" {low:.0f} to {high:.0f} m above the base"
     )
     advice = (
         "the atmosphere differs over such a distance: use a nearer or a virtual reference station"
     )
     ask = Question("GNSS base distance", f"below {1e-3 * LONG_BASELINE_M:.0f} km")
-    return ask.note(finding, advice, when=d["largest"] > LONG_BASELINE_M)
+    return ask.note(finding, advice, when=distance["largest"] > LONG_BASELINE_M)
 
 
-def _check_age(n: Mapping[str, Any]) -> Finding:
-    finding = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
+def _check_age(numbers: Mapping[str, Any]) -> Finding:
+    finding = f"base observations at most {numbers['age_s']['largest']:.1f} s from the rover's"
     advice = "the base has gaps, or its rate is low: the atmosphere changes between its epochs"
     ask = Question("GNSS base age", f"below {OLD_S:.0f} s")
-    return ask.note(finding, advice, when=n["age_s"]["largest"] > OLD_S)
+    return ask.note(finding, advice, when=numbers["age_s"]["largest"] > OLD_S)
 
 
-def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
-    rms = s["fixed_rms_m"]
-    finding = f"{s['contradicting']} of {s['epochs']} epochs contradict each other"
+def _check_separation(numbers: Mapping[str, Any], epochs: int) -> Finding:
+    rms = numbers["fixed_rms_m"]
+    finding = f"{numbers['contradicting']} of {numbers['epochs']} epochs contradict each other"
     if rms is not None:
         finding += f", rms where both are fixed {_in_mm(rms)} north, east, down"
     advice = (
@@ -407,48 +411,63 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
         " of these epochs cover the whole difference"
     )
     ask = Question("GNSS forward and backward", f"{100 * APART_SHARE:.1f} % at most")
-    return ask.note(finding, advice, when=s["contradicting"] > APART_SHARE * epochs)
+    return ask.note(finding, advice, when=numbers["contradicting"] > APART_SHARE * epochs)
 
 
-def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
-    rate, slips = n["cycle_slips_per_satellite_hour"], n["cycle_slips"]
-    slip_finding = (
+def _check_signals(numbers: Mapping[str, Any]) -> list[Finding]:
+    """Return the checks of `signal_numbers`: slips, gaps, C/N0 and multipath where measured."""
+    checks = [_check_slips(numbers), _check_gaps(numbers)]
+    levels = {band: level for band, level in numbers["cn0_dbhz"].items() if level is not None}
+    if levels:
+        checks.append(_check_cn0(levels))
+    if numbers["multipath_m"]:
+        checks.append(_check_multipath(numbers["multipath_m"]))
+    return checks
+
+
+def _check_slips(numbers: Mapping[str, Any]) -> Finding:
+    slips = numbers["cycle_slips"]
+    rate = numbers["cycle_slips_per_satellite_hour"]
+    finding = (
         f"{slips['flagged']} flagged by the receiver, {slips['unflagged']} seen in L1 - L2 alone"
     )
-    slip_finding += "" if rate is None else f", {rate:.1f} an hour and satellite"
+    finding += "" if rate is None else f", {rate:.1f} an hour and satellite"
     advice = (
         "vibration, shading by the airframe or interference: look at when and on which satellites"
         " they come"
     )
     ask = Question("GNSS cycle slips", f"{MANY_SLIPS:.0f} an hour and satellite at most")
-    checks = [ask.note(slip_finding, advice, when=(rate or 0.0) > MANY_SLIPS)]
-    gaps = "1 gap" if n["gaps"] == 1 else f"{n['gaps']} gaps"
-    finding = (
-        f"{gaps}, the longest {n['longest_gap_s']:.1f} s, at an interval of {n['interval_s']:g} s"
-    )
+    return ask.note(finding, advice, when=(rate or 0.0) > MANY_SLIPS)
+
+
+def _check_gaps(numbers: Mapping[str, Any]) -> Finding:
+    gaps = "1 gap" if numbers["gaps"] == 1 else f"{numbers['gaps']} gaps"
+    finding = f"{gaps}, the longest {numbers['longest_gap_s']:.1f} s"
+    finding += f", at an interval of {numbers['interval_s']:g} s"
     advice = (
         "observations are missing in the file: was the memory too slow, or was the receiver"
         " restarted?"
     )
     ask = Question("GNSS gaps", f"{LONG_GAP_S:.0f} s at most")
-    checks.append(ask.note(finding, advice, when=n["longest_gap_s"] > LONG_GAP_S))
-    levels = {band: level for band, level in n["cn0_dbhz"].items() if level is not None}
-    if levels:
-        each = ", ".join(f"{band} {level:.1f}" for band, level in levels.items())
-        finding = f"{each} dB-Hz in the median"
-        advice = (
-            "antenna, its ground plane and cable, or a transmitter aboard (video link, USB 3,"
-            " payload)"
-        )
-        limits = {"band 1": LOW_DBHZ}
-        bad = any(level < limits.get(band, LOW_SECOND_DBHZ) for band, level in levels.items())
-        expected = f"{LOW_DBHZ:.0f} dB-Hz on band 1 and {LOW_SECOND_DBHZ:.0f} on others at least"
-        checks.append(Question("GNSS C/N0", expected).note(finding, advice, when=bad))
-    if n["multipath_m"]:
-        each = ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
-        finding = f"{each} m rms of code"
-        advice = "reflections near the antenna, or a low C/N0"
-        bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
-        ask = Question("GNSS multipath", f"below {MUCH_MULTIPATH_M:g} m")
-        checks.append(ask.note(finding, advice, when=bad))
-    return checks
+    return ask.note(finding, advice, when=numbers["longest_gap_s"] > LONG_GAP_S)
+
+
+def _check_cn0(levels: Mapping[str, float]) -> Finding:
+    """Compare the median C/N0, dB-Hz, of each band with its limit."""
+    medians = ", ".join(f"{band} {level:.1f}" for band, level in levels.items())
+    advice = (
+        "antenna, its ground plane and cable, or a transmitter aboard (video link, USB 3, payload)"
+    )
+    limits = {"band 1": LOW_DBHZ}
+    is_low = any(level < limits.get(band, LOW_SECOND_DBHZ) for band, level in levels.items())
+    expected = f"{LOW_DBHZ:.0f} dB-Hz on band 1 and {LOW_SECOND_DBHZ:.0f} on others at least"
+    ask = Question("GNSS C/N0", expected)
+    return ask.note(f"{medians} dB-Hz in the median", advice, when=is_low)
+
+
+def _check_multipath(rms_m: Mapping[str, float]) -> Finding:
+    """Compare the rms multipath, m, of each code with its limit."""
+    finding = ", ".join(f"{code} {rms:.2f}" for code, rms in rms_m.items()) + " m rms of code"
+    ask = Question("GNSS multipath", f"below {MUCH_MULTIPATH_M:g} m")
+    advice = "reflections near the antenna, or a low C/N0"
+    return ask.note(finding, advice, when=max(rms_m.values()) > MUCH_MULTIPATH_M)

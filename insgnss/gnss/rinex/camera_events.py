@@ -22,6 +22,7 @@ from ...records import CameraEvents, Finding
 from .observation_record import EventRecord, Observations
 
 NOT_VALID = "time mark is not valid"
+EXTERNAL_EVENT = 5  # flag of an event of the camera or another device in RINEX
 MOST_TIMES_LISTED = 5  # times in a message of one line (chosen)
 
 Records = tuple[EventRecord, ...]
@@ -49,12 +50,13 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
         Where there is no such event, or time falls.
     """
     path = observations.header.path
-    records, left_out_notes = _taken(observations, wanted)
+    records, left_out_notes = _exposure_events(observations, wanted)
     time = np.array([record.time for record in records], dtype=np.float64)
     rows, findings = put_in_order(
         _EventLines(path, records), time, lambda i, k: True, "camera events"
     )
-    time = time if rows is None else time[rows]
+    if rows is not None:
+        time = time[rows]
     notes = (*left_out_notes, *findings)
     span = observations.time
     if outside := int(np.sum((time < span[0]) | (time > span[-1]))):
@@ -71,20 +73,22 @@ def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tup
 
     None without any, and None with a note where all are marked as not valid.
     """
-    records, invalid = _chosen(observations, ALL_VALID)
+    records, invalid = _select_events(observations, ALL_VALID)
     if len(invalid) < len(records):
         return camera_events(observations), ()
-    finding = f"{_those(records, invalid)}, and are left out, so that no exposures remain"
-    return None, (note("time marks", finding, "valid ones", _keep()),) if invalid else ()
+    finding = (
+        f"{_describe_invalid(records, invalid)}, and are left out, so that no exposures remain"
+    )
+    return None, (note("time marks", finding, "valid ones", _setting_to_keep()),) if invalid else ()
 
 
-def _keep() -> str:
+def _setting_to_keep() -> str:
     return f"{setting('camera.invalid_events', True)} takes them"
 
 
-def _chosen(observations: Observations, wanted: RoverEvents) -> tuple[Records, Records]:
-    """Events whose record lines hold the text, and which of them are marked as not valid."""
-    events = (record for record in observations.records if record.flag == 5)
+def _select_events(observations: Observations, wanted: RoverEvents) -> tuple[Records, Records]:
+    """Return the events whose record lines hold the text, and which are marked not valid."""
+    events = (record for record in observations.records if record.flag == EXTERNAL_EVENT)
     records = tuple(
         record for record in events if wanted.events_containing in "\n".join(record.records)
     )
@@ -93,10 +97,12 @@ def _chosen(observations: Observations, wanted: RoverEvents) -> tuple[Records, R
     )
 
 
-def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tuple[Finding, ...]]:
-    """Events that are exposures, and what was left out."""
+def _exposure_events(
+    observations: Observations, wanted: RoverEvents
+) -> tuple[Records, tuple[Finding, ...]]:
+    """Return the events that are exposures, and a note on those marked as not valid."""
     path = observations.header.path
-    records, invalid = _chosen(observations, wanted)
+    records, invalid = _select_events(observations, wanted)
     if not records and observations.events.size:
         message = (
             f"no external event has a record line with {shown(wanted.events_containing)}; look up"
@@ -111,20 +117,22 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
         raise InputError.in_file(path, message)
     if not invalid:
         return records, ()
-    those = _those(records, invalid)
+    finding = _describe_invalid(records, invalid)
     if wanted.invalid_events:
         advice = "their time stamps may be wrong by any amount"
-        return records, (note("time marks", f"{those}, and are taken", "valid ones", advice),)
+        return records, (note("time marks", f"{finding}, and are taken", "valid ones", advice),)
     if len(invalid) == len(records):
-        raise InputError.at_line(path, invalid[0].line, f"camera events: {those}; {_keep()}")
+        raise InputError.at_line(
+            path, invalid[0].line, f"camera events: {finding}; {_setting_to_keep()}"
+        )
     advice = (
-        f"{_keep()}; where they are exposures and their stamps are wrong, name their images in"
-        f" {named('camera.skip_images')}"
+        f"{_setting_to_keep()}; where they are exposures and their stamps are wrong, name their"
+        f" images in {named('camera.skip_images')}"
     )
     valid = tuple(record for record in records if record not in invalid)
-    return valid, (note("time marks", f"{those}, and are left out", "valid ones", advice),)
+    return valid, (note("time marks", f"{finding}, and are left out", "valid ones", advice),)
 
 
-def _those(records: Records, invalid: Records) -> str:
+def _describe_invalid(records: Records, invalid: Records) -> str:
     times = some((f"{record.time:.3f} s" for record in invalid), MOST_TIMES_LISTED)
     return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times}"

@@ -137,6 +137,10 @@ class RinexHeader:
     lines: int = 0
 
 
+QUOTED_CHARACTERS = 200  # of another program's message (chosen): some two lines
+LINE_BYTES = 128  # in which the end of a line is looked for first: lines of RINEX 2 have 80
+
+
 def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
     """Load a file, plain or packed (gzip, compress, bzip2, zip, Hatanaka).
 
@@ -157,19 +161,19 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
     buf, complete = load(path)
     if complete and buf.size > Path(path).stat().st_size:
         buf = buf[:-1]  # a line's end behind the last one would be a line without observations
-    head = bytes(buf[:100])
-    if not head.startswith(PACKED) and COMPACT not in head:
+    first_bytes = bytes(buf[:100])
+    if not first_bytes.startswith(PACKED) and COMPACT not in first_bytes:
         return buf, complete, ()
     content = unpack(path, read_bytes(path))
     complaints: tuple[str, ...] = ()
     if COMPACT in content[:80]:
-        content, complaints = _restored(path, content)
+        content, complaints = _restore_compact(path, content)
     complete = content.endswith(b"\n")
-    out = np.frombuffer(bytearray(content if complete else content + b"\n"), dtype=np.uint8)
-    return out, complete, complaints
+    unpacked = np.frombuffer(bytearray(content if complete else content + b"\n"), dtype=np.uint8)
+    return unpacked, complete, complaints
 
 
-def _restored(path: Source, content: bytes) -> tuple[bytes, tuple[str, ...]]:
+def _restore_compact(path: Source, content: bytes) -> tuple[bytes, tuple[str, ...]]:
     """Return the RINEX of compact RINEX (Hatanaka), and what its program complained of."""
     problem = "is packed; install the package hatanaka (extra [ppk]), or unpack the file first"
     with installed(problem, path):
@@ -191,17 +195,18 @@ def most_restored(content: bytes) -> int:
     A line of it is one satellite's at an epoch, which no more than 16 characters an observation
     and a short one of a clock, a date or satellites' names stand for.
     """
-    head = content[: content.find(b"END OF HEADER") + 1]
-    types = [int(number) for number in OF_TYPES.findall(head)]
+    header = content[: content.find(b"END OF HEADER") + 1]
+    types = [int(number) for number in OF_TYPES.findall(header)]
     return len(content) + content.count(b"\n") * (16 * max(types, default=0) + RESTORED_LINE)
 
 
 def _one_line(message: object) -> str:
-    return " ".join(str(message).split())[:200]
+    """Return a message without line breaks, at most `QUOTED_CHARACTERS`."""
+    return " ".join(str(message).split())[:QUOTED_CHARACTERS]
 
 
 def _incorrect(path: Source, line: int | None, problem: str) -> InputError:
-    """The refusal of a header that is to be corrected."""
+    """Return the error for a header that is to be corrected."""
     return InputError.at_line(path, line, f"{problem}; correct the header")
 
 
@@ -215,22 +220,21 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
             problem = "the file ends without END OF HEADER; copy it again from its source"
             raise InputError.at_line(path, len(records), f"truncated: {problem}")
         text, offset = line_at(buf, offset)
-        records.append((len(records) + 1, text[LABEL_COLUMN:].strip(), text[:LABEL_COLUMN]))
-        if records[-1][1] == "" and text.strip():
-            problem = (
-                "truncated: the file ends within its header; copy it again from its source"
-                if offset >= buf.size
-                else f"no header record: {shown(text.strip())}; complete the header, or copy the"
-                " file again"
-            )
+        label = text[LABEL_COLUMN:].strip()
+        records.append((len(records) + 1, label, text[:LABEL_COLUMN]))
+        if label == "" and text.strip():
+            problem = f"no header record: {shown(text.strip())}; complete the header, or copy the"
+            problem += " file again"
+            if offset >= buf.size:
+                problem = (
+                    "truncated: the file ends within its header; copy it again from its source"
+                )
             raise InputError.at_line(path, len(records), problem)
-        label = next(
-            (name for name in RECORDS_READ if text.rstrip().endswith(name)), records[-1][1]
-        )
-        if records[-1][1] not in (label, "COMMENT"):
-            problem = f"{label} stands beside columns 61 to 80: {shown(text.strip())}"
+        ending = next((name for name in RECORDS_READ if text.rstrip().endswith(name)), label)
+        if label not in (ending, "COMMENT"):
+            problem = f"{ending} stands beside columns 61 to 80: {shown(text.strip())}"
             raise _incorrect(path, len(records), problem)
-    return _header(path, version, system, records), offset
+    return _build_header(path, version, system, records), offset
 
 
 def line_at(buf: NDArray[np.uint8], offset: int) -> tuple[str, int]:
@@ -238,15 +242,15 @@ def line_at(buf: NDArray[np.uint8], offset: int) -> tuple[str, int]:
 
     `buf` must end in a newline.
     """
-    size = 128
-    while not (ends := np.flatnonzero(buf[offset : offset + size] == ord("\n"))).size:
-        size *= 4
+    width = LINE_BYTES
+    while not (ends := np.flatnonzero(buf[offset : offset + width] == ord("\n"))).size:
+        width *= 4
     end = offset + int(ends[0])
     return decode(bytes(buf[offset:end])).rstrip("\r"), end + 1
 
 
 def _first_line(path: Source, text: str) -> tuple[float, str]:
-    """Version and system; InputError for what cannot be read here."""
+    """Return version and system of the first line; InputError where it is not read here."""
     refused = partial(InputError.at_line, path, 1)
     if "RINEX VERSION / TYPE" not in text[LABEL_COLUMN:]:
         content = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
@@ -254,7 +258,8 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
             f"{content}; give a RINEX 2 to 4 observation file (convert a receiver's own format"
             " first)"
         )
-    version, kind = text[:9].strip(), text[20:21].upper()
+    version = text[:9].strip()
+    kind = text[20:21].upper()
     if not re.fullmatch(r"[0-9](\.[0-9]+)?", version):
         raise refused(f"RINEX version {shown(version)} is no number; copy the file again")
     if version[0] not in "234":
@@ -274,7 +279,10 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
     return float(version), letter
 
 
-def _header(path: Source, version: float, system: str, records: Sequence[Record]) -> RinexHeader:
+def _build_header(
+    path: Source, version: float, system: str, records: Sequence[Record]
+) -> RinexHeader:
+    """Build the header from its records; InputError where one of them cannot be read."""
     by_label: dict[str, list[str]] = {}
     for _, label, text in records:
         by_label.setdefault(label, []).append(text)
@@ -287,7 +295,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         return by_label[label][-1][start:stop].strip() if label in by_label else ""
 
     def numbers(label: str, count: int) -> Array | None:
-        return _numbers(path, records, label, count) if label in by_label else None
+        return _numbers_of_record(path, records, label, count) if label in by_label else None
 
     approx, delta = numbers("APPROX POSITION XYZ", 3), numbers("ANTENNA: DELTA H/E/N", 3)
     interval, leap = numbers("INTERVAL", 1), numbers("LEAP SECONDS", 1)
@@ -312,22 +320,22 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         interval_s=float(interval[0]) if interval is not None and interval[0] > 0 else None,
         leap_seconds=int(leap[0]) if leap is not None and leap[0] > 0 else None,
         types=types,
-        glonass_slots=_slots(path, records),
+        glonass_slots=_glonass_slots(path, records),
         scale=scale_of(path, records, types),
         records={label: tuple(lines) for label, lines in by_label.items()},
         lines=len(records),
     )
 
 
-def _numbers(path: Source, records: Iterable[Record], label: str, count: int) -> Array:
-    """The first `count` numbers of the last record of a label; InputError with its line."""
+def _numbers_of_record(path: Source, records: Iterable[Record], label: str, count: int) -> Array:
+    """Return the first `count` numbers of the last record of a label; InputError with its line."""
     line, _, text = [record for record in records if record[1] == label][-1]
     fields = text.split()[:count]
     if len(fields) < count:  # numbers of 14 columns may touch
         fields = [text[14 * k : 14 * (k + 1)] for k in range(count)]
     if not text.strip():
         return np.zeros(count)
-    values = [float_of(item.strip()) for item in fields]
+    values = [float_of(field.strip()) for field in fields]
     if None in values:
         expected = f"expected {count} number{'s' * (count > 1)}"
         raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
@@ -339,9 +347,10 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
 
     Those of RINEX 2 are for the system "".
     """
-    label, width, size = (TYPES_2, 9, 6) if version < 3 else (TYPES_3, 13, 4)
+    label, width, code_width = (TYPES_2, 9, 6) if version < 3 else (TYPES_3, 13, 4)
     types: dict[str, list[str]] = {}
-    missing, system, last = 0, "", 0
+    missing = last_line = 0
+    system = ""
     for line, record_label, text in records:
         if record_label != label:
             continue
@@ -353,17 +362,20 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
             if not WHOLE_COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEM_LETTERS):
                 expected = "expected a system and a number of codes"
                 raise _incorrect(path, line, f"{label}: {shown(text.rstrip())}, {expected}")
-            missing, types[system] = int(count), []
+            missing = int(count)
+            types[system] = []
         codes = [
-            text[6 + size * k : 6 + size * (k + 1)].strip() for k in range(min(width, missing))
+            text[6 + code_width * k : 6 + code_width * (k + 1)].strip()
+            for k in range(min(width, missing))
         ]
         if not all(codes) or not types:
             problem = f"{label}: fewer codes than announced: {shown(text.rstrip())}"
             raise _incorrect(path, line, problem)
         types[system] += codes
-        missing, last = missing - len(codes), line
+        missing -= len(codes)
+        last_line = line
     if missing:
-        raise _incorrect(path, last, f"{label}: {missing} codes fewer than announced")
+        raise _incorrect(path, last_line, f"{label}: {missing} codes fewer than announced")
     return {name: tuple(codes) for name, codes in types.items()}
 
 
@@ -373,43 +385,47 @@ def codes_of(version: float, system: str, types: Sequence[str]) -> tuple[str, ..
     A name that has no code, or whose code is taken, stays.
     """
     if version >= 3:
-        old = version == 3.02 and system == "C"
+        named_for_b1 = version == 3.02 and system == "C"  # B1 was band 1 in 3.02, 2 elsewhere
         codes = [
-            f"{name[0]}2{name[2:]}" if old and name[1:] in ("1I", "1Q", "1X") else name
+            f"{name[0]}2{name[2:]}" if named_for_b1 and name[1:] in ("1I", "1Q", "1X") else name
             for name in types
         ]
     else:
-        old = version < 2.12 or not any(name[1:2] in _OF_2_12 for name in types)
-        codes = [(_code if old else _code_2_12)(system, name, types) for name in types]
+        before_2_12 = version < 2.12 or not any(name[1:2] in _OF_2_12 for name in types)
+        codes = [
+            (_code_of_name if before_2_12 else _code_2_12)(system, name, types) for name in types
+        ]
     return tuple(code if codes.index(code) == k else types[k] for k, code in enumerate(codes))
 
 
-def _code(system: str, name: str, types: Sequence[str]) -> str:
+def _code_of_name(system: str, name: str, types: Sequence[str]) -> str:
+    """Return the RINEX 3 code of a name of RINEX 2; the name itself where it has none."""
     if len(name) != 2 or name[0] not in "CPLDS" or not name[1].isdecimal():
         return name
     band = name[1]
     opened = _OLD_SIGNALS.get(system + band, "" if system == "C" else f"{band}X")
     precise = _PRECISE.get(system + band, "")
-    first, second = ("C", "P") if band == "1" else ("P", "C")
-    listed = next((kind for kind in (first, second) if kind + band in types), first)
+    usual, rare = ("C", "P") if band == "1" else ("P", "C")
+    listed = next((kind for kind in (usual, rare) if kind + band in types), usual)
     kind = name[0] if name[0] in "CP" else listed
-    tail = precise if kind == "P" and precise else opened
-    if not tail or (name[0] == "P" and not precise):
+    attribute = precise if kind == "P" and precise else opened
+    if not attribute or (name[0] == "P" and not precise):
         return name
-    return ("C" if name[0] == "P" else name[0]) + tail
+    return ("C" if name[0] == "P" else name[0]) + attribute
 
 
 def _code_2_12(system: str, name: str, types: Sequence[str]) -> str:
-    """The code of a name of RINEX 2.12, whose letters are open signals and digits precise ones."""
+    """Return the code of a name of RINEX 2.12: letters are open signals, digits precise ones."""
     if len(name) != 2 or name[0] not in "CLDS":
-        return _code(system, name, types)
+        return _code_of_name(system, name, types)
     signal = system + name[1]
     return name[0] + _OF_2_12.get(
         name[1], _PRECISE.get(signal, _OLD_SIGNALS.get(signal, f"{name[1]}X"))
     )
 
 
-def _slots(path: Source, records: Iterable[Record]) -> dict[str, int]:
+def _glonass_slots(path: Source, records: Iterable[Record]) -> dict[str, int]:
+    """Return the frequency channels of GLONASS satellites ("R01") that the header lists."""
     pairs: list[tuple[str, str]] = []
     for line, label, text in records:
         if label == "GLONASS SLOT / FRQ #":
@@ -425,15 +441,18 @@ def scale_of(
 ) -> dict[tuple[str, str], float]:
     """Return the scale factors of RINEX 3; a record without codes is of all codes of its system."""
     factors: dict[tuple[str, str], float] = {}
-    system, factor = "", math.nan
+    system = ""
+    factor = math.nan
     for line, label, text in records:
         if label != "SYS / SCALE FACTOR":
             continue
-        if hit := SCALE_FIELD.fullmatch(text[:6].strip()):
-            system, factor = hit[1], float(hit[2])
+        match = SCALE_FIELD.fullmatch(text[:6].strip())
+        if match:
+            system = match[1]
+            factor = float(match[2])
         elif text[:10].strip() or not system:
             expected = "expected a system and 1, 10, 100 or 1000"
             raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
-        for code in text[10:].split() or (types.get(system, ()) if hit else ()):
+        for code in text[10:].split() or (types.get(system, ()) if match else ()):
             factors[system, code] = factor
     return factors

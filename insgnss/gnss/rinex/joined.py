@@ -24,6 +24,7 @@ from .observations import read_observations
 
 SAME_PLACE_M = 100.0  # a rover's first epochs of two files; of a base its coordinates are looked at
 SAME_EPOCH_S = 1e-3  # between stamps of one epoch: receivers steer clocks to a millisecond
+QUOTED_CHARACTERS = 60  # of a header's value in a message of one line (chosen)
 
 
 @dataclass(frozen=True)
@@ -51,41 +52,48 @@ def joined(paths: Sequence[Path], directory: Path) -> RinexFile:
     """
     if len(paths) == 1:
         return RinexFile(paths[0])
-    read = sorted((read_observations(path) for path in paths), key=_first)
-    for one, following in pairwise(read):
-        _check_alike(read[0].header, following.header)
-        if _first(following) < _last(one) - SAME_EPOCH_S:
+    files_by_time = sorted((read_observations(path) for path in paths), key=_first_stamp)
+    for earlier, following in pairwise(files_by_time):
+        _check_same_setting(files_by_time[0].header, following.header)
+        if _first_stamp(following) < _last_stamp(earlier) - SAME_EPOCH_S:
+            overlap_s = _last_stamp(earlier) - _first_stamp(following)
             message = (
-                f"begins {_last(one) - _first(following):.3f} s before {one.header.path} ends; give"
+                f"begins {overlap_s:.3f} s before {earlier.header.path} ends; give"
                 " files that follow each other, each once"
             )
             raise InputError.in_file(following.header.path, message)
     directory.mkdir(parents=True, exist_ok=True)
-    path = directory / f"{Path(read[0].header.path).name} and {len(read) - 1} more"
+    path = (
+        directory / f"{Path(files_by_time[0].header.path).name} and {len(files_by_time) - 1} more"
+    )
     with path.open("wb") as file:
-        for k, observations in enumerate(read):
+        for k, observations in enumerate(files_by_time):
             buf, _, _ = load_rinex(observations.header.path)
             _, start = header_of(observations.header.path, buf)
             file.write(bytes(buf[0 if k == 0 else start :]))
-    span = (_last(read[-1]) - _first(read[0])) / 3600.0
-    gaps = [_first(b) - _last(a) for a, b in pairwise(read)]
-    finding = f"{len(read)} of {read[0].header.marker or path.name} over {span:.2f} hours"
+    span = (_last_stamp(files_by_time[-1]) - _first_stamp(files_by_time[0])) / 3600.0
+    gaps = [
+        _first_stamp(later) - _last_stamp(earlier) for earlier, later in pairwise(files_by_time)
+    ]
+    station = files_by_time[0].header.marker or path.name
+    finding = f"{len(files_by_time)} of {station} over {span:.2f} hours"
     check = Question("GNSS files", "files that follow each other").ok(
         f"{finding}, at most {max(gaps):g} s between them"
     )
-    return RinexFile(path, (check, *(note for one in read for note in one.notes)))
+    return RinexFile(path, (check, *(note for earlier in files_by_time for note in earlier.notes)))
 
 
-def _first(observations: Observations) -> float:
-    """The first epoch, s since 1980-01-06, GPST."""
+def _first_stamp(observations: Observations) -> float:
+    """Return the first epoch, s since 1980-01-06, GPST."""
     return float(observations.gps_week * WEEK_S + observations.time[0])
 
 
-def _last(observations: Observations) -> float:
+def _last_stamp(observations: Observations) -> float:
+    """Return the last epoch, s since 1980-01-06, GPST."""
     return float(observations.gps_week * WEEK_S + observations.time[-1])
 
 
-def _check_alike(first: RinexHeader, following: RinexHeader) -> None:
+def _check_same_setting(first: RinexHeader, following: RinexHeader) -> None:
     """InputError where the first header would be wrong for the other file's observations."""
     pairs = {
         "the RINEX version": (first.version, following.version),
@@ -97,10 +105,11 @@ def _check_alike(first: RinexHeader, following: RinexHeader) -> None:
         "the time system": (first.clock, following.clock),
         "scale factors": (first.scale, following.scale),
     }
-    for name, (one, another) in pairs.items():
-        if one != another:
+    for name, (first_value, following_value) in pairs.items():
+        if first_value != following_value:
             message = (
-                f"{name} is not that of {first.path}: {str(another)[:60]}, not {str(one)[:60]};"
+                f"{name} is not that of {first.path}: {str(following_value)[:QUOTED_CHARACTERS]},"
+                f" not {str(first_value)[:QUOTED_CHARACTERS]};"
                 " only files of one receiver and setting can be joined: convert all with the same"
                 " options"
             )

@@ -47,8 +47,10 @@ def as_rinex_3(path: str | Path, lines: list[str], start: int) -> tuple[list[str
     InputError
         Where no record line stands first, or one names no satellite.
     """
-    out, left_out = [*lines], Counter[str]()
-    taken, first = False, 0
+    out = [*lines]
+    left_out = Counter[str]()
+    in_rinex_3 = False
+    message_start = 0
     out[0] = VERSION_3 + lines[0][9:]
     for k in range(start, len(lines)):
         line = lines[k]
@@ -62,14 +64,17 @@ def as_rinex_3(path: str | Path, lines: list[str], start: int) -> tuple[list[str
                     " file again",
                 )
             kind, satellite, message = fields[:3]
-            taken = kind == "EPH" and satellite[:1] in OF_RINEX_3.get(message, "")
-            if not taken:
+            in_rinex_3 = kind == "EPH" and satellite[:1] in OF_RINEX_3.get(message, "")
+            if not in_rinex_3:
                 left_out[f"{kind} {message}"] += 1
-            out[k], first = "", k + 1
+            out[k] = ""
+            message_start = k + 1
         elif k == start and line.strip():
             raise InputError.at_line(
                 path, k + 1, "no record of RINEX 4 (> EPH ...) behind the header; fetch it again"
             )
-        elif not taken or (lines[first][:1] == "R" and k - first >= GLONASS_LINES):
+        elif not in_rinex_3 or (
+            lines[message_start][:1] == "R" and k - message_start >= GLONASS_LINES
+        ):
             out[k] = ""
     return out, left_out

@@ -167,12 +167,12 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
                 left_out[SYSTEMS_LEFT_OUT[system]] += 1
                 continue
             _check_words(path, message)
-            if not _healthy(message):
+            if not _is_healthy(message):
                 left_out["unhealthy"] += 1
             else:
                 week = gps_from_calendar(message.toc, "gpst")[0] if week is None else week
                 channel = int(message.values[CHANNEL]) if system == "R" else 0
-                rows.append((message.satellite, _row(path, message, week), channel))
+                rows.append((message.satellite, _table_row(path, message, week), channel))
     source = " ".join(str(path) for path in paths)
     if week is None:
         raise InputError(
@@ -192,6 +192,10 @@ def navigation_bytes(path: Source) -> bytes:
     text = _NavigationText.of(path)
     body = [line for line in text.lines[text.start :] if line.strip()]
     return "".join(f"{line}\n" for line in (*text.lines[: text.start], *body)).encode("latin-1")
+
+
+FIELD, STAMP_WIDTH = 19, 20  # characters of a number (D19.12) and of the stamp before the first
+BYTE = 256.0  # that a channel of GLONASS is too large by where its 8 bits are read without sign
 
 
 @dataclass(frozen=True)
@@ -215,12 +219,14 @@ class _NavigationText:
     def of(cls, path: Source) -> "_NavigationText":
         """Read the file and its messages."""
         left_out = Counter[str]()
-        content, mended = _text(path), Counter[str]()
+        mended = Counter[str]()
+        content = _read_text(path)
         lines = messages_of_netcdf(path) if NETCDF.match(content) else lines_of(content)
         if SP3.match(content):
             fitted, left_out = messages_of_sp3(path, content)
-            lines, mended[FITTED] = [*fitted], sum(line[:1] != " " for line in fitted)
-        version, system, start = _header(path, lines)
+            lines = [*fitted]
+            mended[FITTED] = sum(line[:1] != " " for line in fitted)
+        version, system, start = _read_header(path, lines)
         if version >= 4.0:
             lines, left_out = as_rinex_3(path, lines, start)
         text = cls(path, lines, version, system, start, left_out, mended)
@@ -230,57 +236,70 @@ class _NavigationText:
     def parsed(self) -> Iterator[_Message]:
         """Give the messages, and write what is mended into the lines."""
         path, lines, version = self.path, self.lines, self.version
-        first = [i for i in range(self.start, len(lines)) if lines[i][:3].strip()]
-        for torn in [i for i in first[1:-1] if len(lines[i].rstrip()) < SHORTEST]:
-            first.remove(torn)
-            lines[torn], self.mended["pieces of a line"] = "", self.mended["pieces of a line"] + 1
-        for begin, after in pairwise([*first, len(lines)]):
-            line = lines[begin]
+        starts = [i for i in range(self.start, len(lines)) if lines[i][:3].strip()]
+        for torn in [i for i in starts[1:-1] if len(lines[i].rstrip()) < SHORTEST]:
+            starts.remove(torn)
+            lines[torn] = ""
+            self.mended["pieces of a line"] += 1
+        for row, stop in pairwise([*starts, len(lines)]):
+            line = lines[row]
             system, number = (line[0], line[1:3]) if version >= 3.0 else (self.system, line[:2])
             satellite = system + number.replace(" ", "0")
-            described = system in (*LINES, *SYSTEMS_LEFT_OUT) and satellite[1:].isdigit()
-            if not described or not satellite.isascii():
+            is_known = system in (*LINES, *SYSTEMS_LEFT_OUT) and satellite[1:].isdigit()
+            if not is_known or not satellite.isascii():
                 message = f"{line[:8]!r} begins no message of a known satellite"
-                raise InputError.at_line(path, begin + 1, f"{message}; is the file damaged?")
+                raise InputError.at_line(path, row + 1, f"{message}; is the file damaged?")
             if system in SYSTEMS_LEFT_OUT:
-                yield _Message(satellite, datetime.min, [], begin + 1)
+                yield _Message(satellite, datetime.min, [], row + 1)
                 continue
             needed = LINES[system]
-            if after - begin < needed:
+            if stop - row < needed:
                 message = (
-                    f"message of {satellite} has {after - begin} lines of {needed}; the file is cut"
+                    f"message of {satellite} has {stop - row} lines of {needed}; the file is cut"
                     " short or damaged, fetch it again"
                 )
-                raise InputError.at_line(path, begin + 1, message)
-            width = 23 if version >= 3.0 else 22
-            fields = [line[width + 19 * k : width + 19 * (k + 1)] for k in range(3)]
-            for more in lines[begin + 1 : begin + needed]:
-                fields += [more[width - 19 + 19 * k : width + 19 * k] for k in range(4)]
-            values = [self.number(begin, k, field, satellite) for k, field in enumerate(fields)]
-            toc = _stamp(path, begin + 1, line[width - 20 : width])
-            yield _Message(satellite, toc, values, begin + 1)
+                raise InputError.at_line(path, row + 1, message)
+            width = _prefix_width(version)
+            fields = [line[width + FIELD * k : width + FIELD * (k + 1)] for k in range(3)]
+            for continuation in lines[row + 1 : row + needed]:
+                fields += [
+                    continuation[width + FIELD * (k - 1) : width + FIELD * k] for k in range(4)
+                ]
+            values = [self.number(row, k, field, satellite) for k, field in enumerate(fields)]
+            toc = _calendar_date(path, row + 1, line[width - STAMP_WIDTH : width])
+            yield _Message(satellite, toc, values, row + 1)
 
-    def number(self, begin: int, k: int, field: str, satellite: str) -> float:
-        """Number k of a satellite's message that begins at line `begin`; a spare one that is none
-        is left out, and a channel of GLONASS of 8 bits without sign gets its own.
+    def number(self, start: int, k: int, field: str, satellite: str) -> float:
+        """Return number k of a satellite's message that begins at line `start` (from 0).
+
+        A spare one that is no number is left out, and a channel of GLONASS of 8 bits without sign
+        gets its own.
         """
-        row, mended = begin + (k + 1) // 4, ""
-        column = (23 if self.version >= 3.0 else 22) + 19 * ((k + 1) % 4 - 1)
+        row = start + (k + 1) // 4
+        column = _prefix_width(self.version) + FIELD * ((k + 1) % 4 - 1)
+        end = column + FIELD
+        mended = ""
         if k in SPARE.get(satellite[0], ()) and field.strip() and _value(field) is None:
             self.mended["spare fields that are no number"] += 1
-            mended = " " * 19
+            mended = " " * FIELD
         elif (satellite[0], k) == ("R", CHANNEL):
             channel = _value(field)
-            if channel is not None and 256.0 + CHANNEL_RANGE[0] <= channel < 256.0:
+            if channel is not None and BYTE + CHANNEL_RANGE[0] <= channel < BYTE:
                 self.mended["channels of GLONASS that are written as channel + 256"] += 1
-                mended = f"{channel - 256.0:19.12E}"
+                mended = f"{channel - BYTE:19.12E}"
         if mended:
-            self.lines[row] = f"{self.lines[row]:{column + 19}}"
-            self.lines[row] = self.lines[row][:column] + mended + self.lines[row][column + 19 :]
-        return _number(self.path, begin, k, mended or field)
+            line = f"{self.lines[row]:{end}}"
+            self.lines[row] = line[:column] + mended + line[end:]
+        return _number(self.path, start, k, mended or field)
 
 
-def _text(path: Source) -> str:
+def _prefix_width(version: float) -> int:
+    """Return the characters before the first number of a message: satellite and stamp."""
+    return 23 if version >= 3.0 else 22
+
+
+def _read_text(path: Source) -> str:
+    """Return the text of a navigation file, unpacked; InputError where it cannot be read."""
     try:
         return unpack(path, read_bytes(path)).decode("latin-1")
     except FileNotFoundError:
@@ -290,8 +309,8 @@ def _text(path: Source) -> str:
         raise InputError.unread(path, error) from None
 
 
-def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
-    """Version, system of a RINEX 2 file, and the place of the first line after the header."""
+def _read_header(path: Source, lines: list[str]) -> tuple[float, str, int]:
+    """Return version, system of a RINEX 2 file, and the index of the line after the header."""
     first = lines[0] if lines else ""
     if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
         message = "no RINEX navigation file (RINEX VERSION / TYPE with N or G), nor SP3"
@@ -313,25 +332,28 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
 
 
 def _number(path: Source, begin: int, k: int, field: str) -> float:
-    """Number k of the message that begins at line `begin` (from 0); a blank one, which only a spare
-    field may be, is not-a-number.
+    """Return number k of the message that begins at line `begin` (from 0).
+
+    A blank one, which only a spare field may be, is not-a-number.
     """
     if not field.strip():
         return math.nan
-    if (x := _value(field)) is not None:
-        return x
+    value = _value(field)
+    if value is not None:
+        return value
     message = f"{shown(field)} is no number; is the file damaged?"
     raise InputError.at_line(path, begin + 1 + (k + 1) // 4, message)
 
 
 def _value(field: str) -> float | None:
-    """A number with an exponent of Fortran or of C, None for what is none."""
+    """Return a number with an exponent of Fortran or of C, None for what is none."""
     return float_of(field.strip().replace("D", "E").replace("d", "e"))
 
 
-def _stamp(path: Source, line: int, field: str) -> datetime:
-    """Calendar date of year, month, day, hour, minute, second; two digits of the year from 80 on
-    are of the last century.
+def _calendar_date(path: Source, line: int, field: str) -> datetime:
+    """Return the date of year, month, day, hour, minute, second.
+
+    Two digits of the year from 80 on are of the last century.
     """
     try:
         if not EPOCH_STAMP.fullmatch(field):
@@ -359,8 +381,10 @@ def _check_words(path: Source, message: _Message) -> None:
             raise InputError.at_line(path, line, f"{problem} or delete the message")
 
 
-def _healthy(message: _Message) -> bool:
-    system, values = message.satellite[0], message.values
+def _is_healthy(message: _Message) -> bool:
+    """Return whether a message says that its satellite is healthy."""
+    system = message.satellite[0]
+    values = message.values
     if system == "R":
         return values[6] == 0.0
     if system == "E":
@@ -368,16 +392,17 @@ def _healthy(message: _Message) -> bool:
     return values[HEALTH] == 0.0
 
 
-def _row(path: Source, message: _Message, week: int) -> Array:
-    """The message as a row of the table, its times in seconds of `week`."""
-    system, values = message.satellite[0], message.values
+def _table_row(path: Source, message: _Message, week: int) -> Array:
+    """Return the message as a row of the table (values,), its times in s of `week`."""
+    system = message.satellite[0]
+    values = message.values
     row = np.zeros(MESSAGE_VALUES)
     toc_week, toc = gps_from_calendar(message.toc, "utc" if system == "R" else "gpst")
     if system == "R":
-        row[KIND], row[AF0], row[AF1] = GLONASS, values[0], values[1]
-        row[STATE : STATE + 9] = 1e3 * np.array(
-            [values[3 + 4 * axis + order] for order in range(3) for axis in range(3)]
-        )
+        row[KIND] = GLONASS
+        row[AF0], row[AF1] = values[:2]
+        kilometres = [values[3 + 4 * axis + order] for order in range(3) for axis in range(3)]
+        row[STATE : STATE + 9] = 1e3 * np.array(kilometres)
         row[TOC] = row[TOE] = toc + (toc_week - week) * WEEK_S
     else:
         row[[*ORBIT_PLACES]] = [values[column] for column in ORBIT_PLACES.values()]
@@ -387,21 +412,23 @@ def _row(path: Source, message: _Message, week: int) -> Array:
         lag = BEIDOU_LAG_S if system == "C" else 0.0
         row[TOC] = toc + (toc_week - week) * WEEK_S + lag
         row[TOE] = row[TOC] + since
-    _check(path, message, row)
+    _check_orbit(path, message, row)
     return row
 
 
-def _check(path: Source, message: _Message, row: Array) -> None:
+def _check_orbit(path: Source, message: _Message, row: Array) -> None:
     """Raise InputError where an element is missing or out of all bounds."""
     satellite = message.satellite
     if not np.isfinite(row).all():
         problem = f"message of {satellite} lacks a number; the file is damaged, fetch it again"
         raise InputError.at_line(path, message.line, problem)
     if satellite[0] == "R":
-        size, (low, high) = float(np.linalg.norm(row[STATE : STATE + 3])), GLONASS_RADIUS_M
+        size = float(np.linalg.norm(row[STATE : STATE + 3]))
+        low, high = GLONASS_RADIUS_M
         quantity = "distance from the Earth's centre, m"
     else:
-        size, (low, high) = float(row[ROOT_A]), ROOT_A_LIMITS
+        size = float(row[ROOT_A])
+        low, high = ROOT_A_LIMITS
         quantity = "root of the semi-major axis, m^1/2"
     eccentric = satellite[0] != "R" and not 0.0 <= row[ECC] < MOST_ECCENTRICITY
     if not low < size < high or eccentric:

@@ -95,20 +95,21 @@ class Observations:
         """Return the observations of the epochs `taken`, times from the week of the first."""
         taken = np.arange(self.time.size)[taken]  # of a mask, too
         week = self.gps_week + int(self.time[taken[0]] // WEEK_S)
-        back = (week - self.gps_week) * WEEK_S
+        weeks_s = (week - self.gps_week) * WEEK_S
         position = np.full(self.time.size, -1)
         position[taken] = np.arange(taken.size)
         epoch = position[self.epoch]
         rows = np.argsort(epoch, kind="stable")[np.sum(epoch < 0) :]
         records = tuple(
-            replace(r, time=None if r.time is None else r.time - back) for r in self.records
+            replace(record, time=None if record.time is None else record.time - weeks_s)
+            for record in self.records
         )
         return replace(
             self,
             gps_week=week,
-            time=self.time[taken] - back,
+            time=self.time[taken] - weeks_s,
             epoch=epoch[rows],
-            events=self.events - back,
+            events=self.events - weeks_s,
             records=records,
             **rows_of(self, taken, ("flag", "clock_offset_s")),
             **rows_of(self, rows, ("satellite", "values", "loss_of_lock", "strength")),

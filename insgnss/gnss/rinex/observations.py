@@ -127,21 +127,26 @@ class _Reading(AtLines):
     def allocate(self, epochs: int, rows: int) -> None:
         """Make room, keeping what there is."""
         n, m = (int(self.state[k]) for k in (self.kernels.EPOCHS, self.kernels.ROWS))
-        old, shape = self.__dict__.copy(), (rows, len(self.signals))
-        self.ticks, self.lines = np.empty(epochs, dtype=np.int64), np.empty(epochs, dtype=np.int64)
-        self.flags, self.clock = np.empty(epochs, dtype=np.int8), np.empty(epochs)
-        self.epoch, self.satellite = np.empty(rows, dtype=np.int64), np.empty(rows, dtype=np.int16)
-        self.values, self.lock = np.empty(shape), np.empty(shape, dtype=np.int8)
+        filled = self.__dict__.copy()
+        shape = (rows, len(self.signals))
+        self.ticks = np.empty(epochs, dtype=np.int64)
+        self.lines = np.empty(epochs, dtype=np.int64)
+        self.flags = np.empty(epochs, dtype=np.int8)
+        self.clock = np.empty(epochs)
+        self.epoch = np.empty(rows, dtype=np.int64)
+        self.satellite = np.empty(rows, dtype=np.int16)
+        self.values = np.empty(shape)
+        self.lock = np.empty(shape, dtype=np.int8)
         self.strength = np.empty(shape, dtype=np.int8)
         if n == 0:
             return
         for name in ("ticks", "lines", "flags", "clock"):
-            getattr(self, name)[:n] = old[name][:n]
+            getattr(self, name)[:n] = filled[name][:n]
         for name in ("epoch", "satellite"):
-            getattr(self, name)[:m] = old[name][:m]
+            getattr(self, name)[:m] = filled[name][:m]
         for name, missing in {"values": np.nan, "lock": 0, "strength": 0}.items():
-            width = old[name].shape[1]
-            getattr(self, name)[:m, :width] = old[name][:m]
+            width = filled[name].shape[1]
+            getattr(self, name)[:m, :width] = filled[name][:m]
             getattr(self, name)[:m, width:] = missing
 
     def learn(self, system: str) -> None:
@@ -149,17 +154,17 @@ class _Reading(AtLines):
         types = self.types[system if self.header.version >= 3 else ""]
         codes = codes_of(self.header.version, system, types)
         self.signals += [code for code in codes if code not in self.signals]
-        s, width = SYSTEM_LETTERS.index(system), max(self.columns.shape[1], len(types))
-        for name, filled in (
+        row, width = SYSTEM_LETTERS.index(system), max(self.columns.shape[1], len(types))
+        for name, widened in (
             ("columns", np.zeros((len(SYSTEM_LETTERS), width), dtype=np.int64)),
             ("scale", np.ones((len(SYSTEM_LETTERS), width))),
         ):
-            old = getattr(self, name)
-            filled[:, : old.shape[1]] = old
-            setattr(self, name, filled)
-        self.widths[s] = len(types)
-        self.columns[s, : len(types)] = [self.signals.index(code) for code in codes]
-        self.scale[s, : len(types)] = [self.scales.get((system, name), 1.0) for name in types]
+            present = getattr(self, name)
+            widened[:, : present.shape[1]] = present
+            setattr(self, name, widened)
+        self.widths[row] = len(types)
+        self.columns[row, : len(types)] = [self.signals.index(code) for code in codes]
+        self.scale[row, : len(types)] = [self.scales.get((system, name), 1.0) for name in types]
 
     def read(self) -> None:
         """Parse to the end, event by event."""
@@ -205,7 +210,7 @@ class _Reading(AtLines):
         self.refuse_cut_line()
 
     def take_event(self) -> None:
-        """The records of the event before the state's place, and what they change."""
+        """Read the records of the event before the state's place, and apply what they change."""
         k, state = self.kernels, self.state
         flag, line, offset = int(state[k.FLAG]), int(state[k.MARK_LINE]), int(state[k.OFFSET])
         lines: list[str] = []
@@ -277,30 +282,28 @@ class _Reading(AtLines):
         """Step over a comment between two epochs, which belongs to no event, or a closing line;
         whether it was one.
         """
-        text, behind = line_at(self.buf, int(self.state[self.kernels.OFFSET]))
-        if text[LABEL_COLUMN:].strip() != "COMMENT" and not text.startswith(END_OF_FILE):
+        line, next_offset = line_at(self.buf, int(self.state[self.kernels.OFFSET]))
+        if line[LABEL_COLUMN:].strip() != "COMMENT" and not line.startswith(END_OF_FILE):
             return False
-        self.state[self.kernels.OFFSET] = behind
+        self.state[self.kernels.OFFSET] = next_offset
         self.state[self.kernels.LINE] += 1
         return True
 
     def fault(self, status: int) -> str:
-        """What is wrong at the state's fault, and what to do about it."""
+        """Return what is wrong at the state's fault, and what to do about it."""
         k, state = self.kernels, self.state
-        text, behind = (
-            line_at(self.buf, int(state[k.MARK]))
-            if state[k.MARK] < self.buf.size
-            else ("", self.buf.size)
-        )
-        field = shown(text.strip())
-        if status == k.CUT or (behind >= self.buf.size and not self.complete):
-            start, _ = line_at(self.buf, int(state[k.OFFSET]))
-            epoch = f"the epoch of line {state[k.LINE]} ({start[:32].strip(' >')})"
+        line, next_offset = "", self.buf.size
+        if state[k.MARK] < self.buf.size:
+            line, next_offset = line_at(self.buf, int(state[k.MARK]))
+        field = shown(line.strip())
+        if status == k.CUT or (next_offset >= self.buf.size and not self.complete):
+            epoch_line, _ = line_at(self.buf, int(state[k.OFFSET]))
+            epoch = f"the epoch of line {state[k.LINE]} ({epoch_line[:32].strip(' >')})"
             return (
                 f"truncated: the file ends within {epoch}; copy it again, or delete the lines from"
                 f" {state[k.LINE]} on"
             )
-        if status == k.BAD_EPOCH and "RINEX VERSION" in text[LABEL_COLUMN:]:
+        if status == k.BAD_EPOCH and "RINEX VERSION" in line[LABEL_COLUMN:]:
             return (
                 "a second header: files were put together; give one of them, or join them with"
                 " gfzrnx or teqc"
@@ -315,8 +318,8 @@ class _Reading(AtLines):
                 f"{field}: the header lists no types of observation of {name}; complete the header"
             )
         if status == k.TWICE:
-            twice = f"this satellite stands twice in the epoch of line {state[k.LINE]}"
-            return f"{field}: {twice}; {COPY_AGAIN}"
+            finding = f"this satellite stands twice in the epoch of line {state[k.LINE]}"
+            return f"{field}: {finding}; {COPY_AGAIN}"
         return (
             "a field of 14 columns is no number with a decimal point, or there is text behind the"
             f" last type of observation: {field}; {COPY_AGAIN}"
@@ -326,33 +329,36 @@ class _Reading(AtLines):
         """Refuse a last line without an end whose last number is cut, and note a whole one."""
         if self.complete:
             return
-        tail = decode(bytes(self.buf[-4096:-1])).rpartition("\n")[2]
-        width = len(tail.rstrip()) - (3 if self.header.version >= 3 else 0)
+        last_line = decode(bytes(self.buf[-4096:-1])).rpartition("\n")[2]
+        width = len(last_line.rstrip()) - (3 if self.header.version >= 3 else 0)
         if width > 0 and width % 16 not in (14, 15, 0):
             line = int(self.state[self.kernels.LINE]) - 1
-            problem = f"the file ends within a number: {shown(tail.strip())}; copy it again"
+            problem = f"the file ends within a number: {shown(last_line.strip())}; copy it again"
             raise InputError.at_line(self.path, line, f"truncated: {problem}")
         finding = "the last line has no end, so the file may be cut"
         self.notes.append(note("end of the file", finding, "a line's end", "copy it again"))
 
     def observations(self) -> Observations:
-        """What was read; epochs that repeat the one before are left out and counted."""
+        """Return the observations; epochs that repeat the one before are left out and counted."""
         k = self.kernels
         n, m = int(self.state[k.EPOCHS]), int(self.state[k.ROWS])
         ticks, flags = self.ticks[:n], self.flags[:n]
-        real = flags < SLIPS
-        if not real.any():
+        has_observations = flags < SLIPS
+        if not has_observations.any():
             problem = "holds no epoch; check that the recording was copied whole"
             raise InputError.in_file(self.path, problem)
         of_events = [ticks for _, ticks, _, _ in self.event_records]
-        stamps = _gpst(self.header, self.notes, ticks, flags, of_events)
-        far = np.abs(stamps[0] - np.median(stamps[0][real])) > LONGEST_WEEKS * TICKS_PER_WEEK
-        week = int(stamps[0][np.argmax(real & ~far)] // TICKS_PER_WEEK)
+        stamps = _gpst_ticks(self.header, self.notes, ticks, flags, of_events)
+        of_other_weeks = (
+            np.abs(stamps[0] - np.median(stamps[0][has_observations]))
+            > LONGEST_WEEKS * TICKS_PER_WEEK
+        )
+        week = int(stamps[0][np.argmax(has_observations & ~of_other_weeks)] // TICKS_PER_WEEK)
         time, when = ((instants - week * TICKS_PER_WEEK) / k.TICKS_PER_S for instants in stamps)
         epoch, rows = self.epoch[:m], slice(0, m)
         names = np.array([f"{s}{number:02d}" for s in SYSTEM_LETTERS for number in range(100)])
         satellite = names[self.satellite[rows]]
-        taken = self.in_order(time, real, epoch, satellite)
+        rows_taken = self.in_order(time, has_observations, epoch, satellite)
         records = tuple(
             EventRecord(flag, float(t) if stamp >= 0 else None, line, lines)
             for t, (flag, stamp, line, lines) in zip(when, self.event_records, strict=True)
@@ -363,7 +369,7 @@ class _Reading(AtLines):
             *(tuple(self.signals), self.values[rows], self.lock[rows], self.strength[rows]),
             *(events, records, tuple(self.notes)),
         )
-        return read if taken is None else read.only(taken)
+        return read if rows_taken is None else read.only(rows_taken)
 
     def in_order(
         self,
@@ -372,35 +378,35 @@ class _Reading(AtLines):
         epoch: NDArray[np.int64],
         satellite: NDArray[np.str_],
     ) -> Rows | None:
-        """Which epochs to take: observations, each stamp once, in order; None for all."""
+        """Return the epochs with observations, each stamp once, in order; None for all."""
         places = np.flatnonzero(real)
 
-        def same(i: int, k: int) -> bool:
-            first, second = (slice(*np.searchsorted(epoch, (e, e + 1))) for e in places[[i, k]])
-            return np.array_equal(satellite[first], satellite[second]) and np.array_equal(
-                self.values[first], self.values[second], equal_nan=True
+        def is_repeated(i: int, k: int) -> bool:
+            rows_i, rows_k = (slice(*np.searchsorted(epoch, (e, e + 1))) for e in places[[i, k]])
+            return np.array_equal(satellite[rows_i], satellite[rows_k]) and np.array_equal(
+                self.values[rows_i], self.values[rows_k], equal_nan=True
             )
 
-        rows, notes = put_in_order(Picked(self, places), time[places], same, "epochs")
+        rows, notes = put_in_order(Picked(self, places), time[places], is_repeated, "epochs")
         self.notes += notes
         if rows is not None:
             return places[rows]
         return None if real.all() else places
 
 
-def _gpst(
+def _gpst_ticks(
     header: RinexHeader,
     notes: list[Finding],
     ticks: NDArray[np.int64],
     flags: NDArray[np.int8],
     events: Sequence[int],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Ticks of epochs and events since 1980-01-06, GPST."""
+    """Return the ticks of epochs (n,) and events (k,) since 1980-01-06, GPST."""
     second = TICKS_PER_WEEK // int(WEEK_S)
     event_ticks = np.array(events, dtype=np.int64)
-    stated = "".join(header.records.get("TIME OF FIRST OBS", ("",))[-1:])
+    record = "".join(header.records.get("TIME OF FIRST OBS", ("",))[-1:])
     finding = "the header names none; taken for GPS time" if header.clock is None else ""
-    if LETTERS_ALONE.search(stated) and stated[48:51].upper() != header.clock:
+    if LETTERS_ALONE.search(record) and record[48:51].upper() != header.clock:
         finding = f"{header.clock} does not stand in columns 49 to 51 of the header's record"
     if finding:
         expected = "a time system in TIME OF FIRST OBS"

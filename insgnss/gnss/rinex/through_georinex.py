@@ -59,6 +59,11 @@ NAVIGATION_HEAD = (
 )
 
 
+MOST_ORDER = 8  # of the polynomials through the positions of a message (chosen)
+KEPLER_STEPS = 6  # of Newton on Kepler's equation (chosen)
+RANK_TOLERANCE = 1e-9  # of singular values over the largest, below which elements are not moved
+
+
 def library(path: str | Path, kind: str) -> ModuleType:
     """Return georinex; InputError for a file of this `kind` where it is not installed."""
     with installed(f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}", path):
@@ -90,7 +95,7 @@ def messages_of_netcdf(path: str | Path) -> list[str]:
             for names in (NAMES_GLONASS if glonass else GEORINEX_NAMES)
         ]
         for k in np.flatnonzero(np.isfinite(rows["SVclockBias"].values)):
-            values = [0.0 if of is None else float(of[k]) for of in columns]
+            values = [0.0 if column is None else float(column[k]) for column in columns]
             if glonass:  # metres there, kilometres in RINEX
                 values[3:] = [x * 1e-3 if k % 4 < 3 else x for k, x in enumerate(values[3:])]
             stamp = rows.time.values[k].astype("datetime64[s]").item()
@@ -101,8 +106,8 @@ def messages_of_netcdf(path: str | Path) -> list[str]:
 def message_lines(begin: str, values: list[float]) -> list[str]:
     """Return the lines of a message that begins so: three numbers, then four a line."""
     fields = [f"{np.nan_to_num(x):19.12E}" for x in values]
-    more = ["    " + "".join(fields[k : k + 4]) for k in range(3, len(values), 4)]
-    return [begin + "".join(fields[:3]), *more]
+    continuations = ["    " + "".join(fields[k : k + 4]) for k in range(3, len(values), 4)]
+    return [begin + "".join(fields[:3]), *continuations]
 
 
 @lru_cache(maxsize=4)  # read for the engine and for its checks
@@ -148,8 +153,8 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Count
         if satellite[0] not in CONSTANTS or is_geostationary(satellite):
             left_out["satellites of SP3 whose orbits are no Kepler elements"] += 1
             continue
-        good = np.isfinite(position[:, k]).all(axis=1) & np.isfinite(clock[:, k])
-        fitted = _messages(satellite, time[good], position[good, k], clock[good, k])
+        finite = np.isfinite(position[:, k]).all(axis=1) & np.isfinite(clock[:, k])
+        fitted = _fit_messages(satellite, time[finite], position[finite, k], clock[finite, k])
         left_out["satellites of SP3 to which no elements could be fitted"] += not fitted
         lines += fitted
     if len(lines) == len(NAVIGATION_HEAD):
@@ -158,25 +163,25 @@ def messages_of_sp3(path: str | Path, text: str) -> tuple[tuple[str, ...], Count
     return tuple(lines), +left_out
 
 
-def _messages(satellite: str, time: Array, position: Array, clock: Array) -> list[str]:
-    """Lines of the messages fitted to one satellite, an hour each."""
+def _fit_messages(satellite: str, time: Array, position: Array, clock: Array) -> list[str]:
+    """Return messages, an hour each, fitted to positions (n, 3), m, and clocks (n,), s."""
     if time.size < LEAST_NODES:
         return []
     system, lines = satellite[0], list[str]()
     mu, rate = CONSTANTS[system]
-    first, last = time[[0, -1]] / FIT_HALF_WINDOW_S
-    hours = np.arange(np.ceil(first), np.floor(last) + 1.0) * FIT_HALF_WINDOW_S
-    inner = hours[(hours >= time[0] + FIT_HALF_WINDOW_S) & (hours <= time[-1] - FIT_HALF_WINDOW_S)]
-    for toe in inner if inner.size else hours[hours.size // 2 : hours.size // 2 + 1]:
-        near = np.abs(time - toe) <= FIT_HALF_WINDOW_S
-        if near.sum() < LEAST_NODES:
+    first_hour, last_hour = time[[0, -1]] / FIT_HALF_WINDOW_S
+    hours = np.arange(np.ceil(first_hour), np.floor(last_hour) + 1.0) * FIT_HALF_WINDOW_S
+    inside = hours[(hours >= time[0] + FIT_HALF_WINDOW_S) & (hours <= time[-1] - FIT_HALF_WINDOW_S)]
+    for toe in inside if inside.size else hours[hours.size // 2 : hours.size // 2 + 1]:
+        within = np.abs(time - toe) <= FIT_HALF_WINDOW_S
+        if within.sum() < LEAST_NODES:
             continue
-        elements, miss = _fitted(time[near] - toe, position[near], mu, rate)
-        if not miss < LARGEST_MISS_M:
+        elements, rms_m = _fit_elements(time[within] - toe, position[within], mu, rate)
+        if not rms_m < LARGEST_MISS_M:
             continue
         week, sow = divmod(toe - (BEIDOU_LAG_S if system == "C" else 0.0), WEEK_S)
         elements["node"] = (elements["node"] + rate * sow + np.pi) % (2.0 * np.pi) - np.pi
-        drift, bias = np.polyfit(time[near] - toe, clock[near], 1)
+        drift, bias = np.polyfit(time[within] - toe, clock[within], 1)
         elements |= {"sow": sow, "sent": sow, "week": week + GPS_WEEKS_OF.get(system, 0)}
         elements |= {"fit": 4.0, "source": SOURCE_OF_SYSTEM.get(system, 0.0)}
         elements["iode"] = float(len(lines) // 8 % 255)
@@ -186,47 +191,60 @@ def _messages(satellite: str, time: Array, position: Array, clock: Array) -> lis
     return lines
 
 
-def _fitted(tk: Array, position: Array, mu: float, rate: float) -> tuple[dict[str, float], float]:
-    """Elements by least squares to positions (n, 3) m, ECEF, at `tk` (n,) s from toe, with
-    `node` at toe in ECEF; and what they leave, rms m.
+def _fit_elements(
+    tk: Array, position: Array, mu: float, rate: float
+) -> tuple[dict[str, float], float]:
+    """Return elements fitted to positions (n, 3), m ECEF, at `tk` (n,), s from toe, and the rms, m.
+
+    `node` is that at toe in ECEF.
     """
-    p = _osculating(tk, position, mu, rate)
+    elements = _osculating_elements(tk, position, mu, rate)
     step = np.array([*ELEMENTS.values()])
     for _ in range(GAUSS_NEWTON_STEPS):
-        model, *moved = _orbits(p + np.vstack([0.0 * step, np.diag(step)]), tk, mu, rate)
+        model, *moved = _positions_of_elements(
+            elements + np.vstack([0.0 * step, np.diag(step)]), tk, mu, rate
+        )
         jacobian = (np.stack(moved) - model).reshape(step.size, -1).T
-        p = p + step * (np.linalg.pinv(jacobian, rcond=1e-9) @ (position - model).ravel())
-    miss = float(np.sqrt(np.mean((position - _orbits(p[None], tk, mu, rate)[0]) ** 2)))
-    return dict(zip(ELEMENTS, p.tolist(), strict=True)), miss
+        elements = elements + step * (
+            np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ (position - model).ravel()
+        )
+    rms_m = float(
+        np.sqrt(np.mean((position - _positions_of_elements(elements[None], tk, mu, rate)[0]) ** 2))
+    )
+    return dict(zip(ELEMENTS, elements.tolist(), strict=True)), rms_m
 
 
-def _osculating(tk: Array, position: Array, mu: float, rate: float) -> Array:
-    """Kepler elements of position and velocity at toe, the harmonics zero."""
-    order = min(8, tk.size - 1)
-    scale = np.abs(tk).max()
-    terms = np.polynomial.polynomial.polyfit(tk / scale, position, order)
+def _osculating_elements(tk: Array, position: Array, mu: float, rate: float) -> Array:
+    """Return the Kepler elements (15,) of position and velocity at toe, the harmonics zero."""
+    order = min(MOST_ORDER, tk.size - 1)
+    half_width = np.abs(tk).max()
+    terms = np.polynomial.polynomial.polyfit(tk / half_width, position, order)
     r = terms[0]
-    v = terms[1] / scale + np.cross([0.0, 0.0, rate], r)
-    h, size = np.cross(r, v), float(np.linalg.norm(r))
-    axis = 1.0 / (2.0 / size - v @ v / mu)
-    e_vector = np.cross(v, h) / mu - r / size
-    ecc, node = float(np.linalg.norm(e_vector)), np.arctan2(h[0], -h[1])
+    v = terms[1] / half_width + np.cross([0.0, 0.0, rate], r)
+    h = np.cross(r, v)
+    radius = float(np.linalg.norm(r))
+    semi_major = 1.0 / (2.0 / radius - v @ v / mu)
+    e_vector = np.cross(v, h) / mu - r / radius
+    ecc = float(np.linalg.norm(e_vector))
+    node = np.arctan2(h[0], -h[1])
     i0 = np.arctan2(np.hypot(h[0], h[1]), h[2])
-    along = np.array([np.cos(node), np.sin(node), 0.0])
-    across = np.cross(h / np.linalg.norm(h), along)
-    perigee = np.arctan2(e_vector @ across, e_vector @ along)
-    anomaly = np.arctan2(r @ v / np.sqrt(mu * axis), 1.0 - size / axis)  # e sin E, e cos E
-    out = dict.fromkeys(ELEMENTS, 0.0) | {"root_a": axis**0.5, "ecc": ecc, "i0": i0}
-    out |= {"node": node, "perigee": perigee, "m0": anomaly - ecc * np.sin(anomaly)}
-    return np.array([*out.values()])
+    to_node = np.array([np.cos(node), np.sin(node), 0.0])
+    in_plane = np.cross(h / np.linalg.norm(h), to_node)
+    perigee = np.arctan2(e_vector @ in_plane, e_vector @ to_node)
+    anomaly = np.arctan2(
+        r @ v / np.sqrt(mu * semi_major), 1.0 - radius / semi_major
+    )  # e sin E, e cos E
+    elements = dict.fromkeys(ELEMENTS, 0.0) | {"root_a": semi_major**0.5, "ecc": ecc, "i0": i0}
+    elements |= {"node": node, "perigee": perigee, "m0": anomaly - ecc * np.sin(anomaly)}
+    return np.array([*elements.values()])
 
 
-def _orbits(p: Array, tk: Array, mu: float, rate: float) -> Array:
-    """Positions (k, n, 3) m, ECEF, of elements (k, 15): (O.1) to (O.5) of `satellites.orbits`."""
+def _positions_of_elements(p: Array, tk: Array, mu: float, rate: float) -> Array:
+    """Return positions (k, n, 3), m ECEF, of elements (k, 15) by (O.1) to (O.5) of `orbits`."""
     e = dict(zip(ELEMENTS, p.T[:, :, None], strict=True))
     mean = e["m0"] + (np.sqrt(mu) / e["root_a"] ** 3 + e["dn"]) * tk
     E = mean
-    for _ in range(6):
+    for _ in range(KEPLER_STEPS):
         E = E - (E - e["ecc"] * np.sin(E) - mean) / (1.0 - e["ecc"] * np.cos(E))
     phi = np.arctan2(np.sqrt(1.0 - e["ecc"] ** 2) * np.sin(E), np.cos(E) - e["ecc"]) + e["perigee"]
     s, c = np.sin(2.0 * phi), np.cos(2.0 * phi)

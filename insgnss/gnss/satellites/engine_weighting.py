@@ -41,16 +41,16 @@ def carrying_systems(options: EngineOptions) -> str:
 
     They carry its positions.
     """
-    more = {name: str(value) for name, value in options.rtklib_options.items()}
-    mode = more.get(ARMODE, "1")
-    real = {
+    options_by_name = {name: str(value) for name, value in options.rtklib_options.items()}
+    mode = options_by_name.get(ARMODE, "1")
+    float_systems = {
         system
         for system, (name, usual, unresolved) in UNRESOLVED.items()
-        if more.get(name, usual) in unresolved
+        if options_by_name.get(name, usual) in unresolved
     }
-    if mode in FIX_AND_HOLD and more.get("pos2-gloarmode", "3") in FIX_AND_HOLD:
-        real.discard("R")  # a hold has calibrated its receivers' biases
-    carrying = "".join(letter for letter in options.systems if letter not in real)
+    if mode in FIX_AND_HOLD and options_by_name.get("pos2-gloarmode", "3") in FIX_AND_HOLD:
+        float_systems.discard("R")  # a hold has calibrated its receivers' biases
+    carrying = "".join(letter for letter in options.systems if letter not in float_systems)
     return options.systems if mode in NO_INTEGERS or not carrying else carrying
 
 
@@ -65,7 +65,8 @@ def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
     A[:, :3] = -directions(satellites.azimuth, satellites.elevation)
     A[np.arange(satellites.epoch.size), 3 + satellites.system] = 1.0
     PA = A * (satellites.weight / (1.0 + sin**-2))[:, None]
-    N, b = np.zeros((epochs, n, n)), np.zeros((epochs, n))
+    N = np.zeros((epochs, n, n))
+    b = np.zeros((epochs, n))
     for j in range(n):
         b[:, j] = np.bincount(satellites.epoch, PA[:, j] * delay, epochs)
         for k in range(n):
@@ -74,6 +75,8 @@ def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
         N[:, j, j] += N[:, j, j] == 0.0  # a system without satellites in the epoch has no clock
     out = np.full((epochs, 3), np.nan)
     ill_conditioned = np.linalg.cond(N) > LARGEST_CONDITION
-    good = ~ill_conditioned
-    out[good] = np.linalg.solve(N[good], b[good][:, :, None])[:, :3, 0]
+    well_conditioned = ~ill_conditioned
+    out[well_conditioned] = np.linalg.solve(N[well_conditioned], b[well_conditioned][:, :, None])[
+        :, :3, 0
+    ]
     return out

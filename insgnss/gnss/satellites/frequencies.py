@@ -56,14 +56,14 @@ def engine_phases(observations: "Observations", frequencies: int) -> NDArray[np.
     """Return whether each row has a phase in the engine's frequencies (m, frequencies)."""
     out = np.zeros((observations.satellite.size, frequencies), dtype=np.bool_)
     observed = np.isfinite(observations.values) & (observations.values != 0.0)
-    for letter, of in rows_of_systems(observations.satellite).items():
+    for letter, rows in rows_of_systems(observations.satellite).items():
         for k, bands in enumerate(ENGINE_BANDS.get(letter, ())[:frequencies]):
             columns = [
                 j
                 for j, signal in enumerate(observations.signals)
                 if signal[0] == "L" and signal[1] in bands
             ]
-            out[of, k] = observed[of][:, columns].any(axis=1)
+            out[rows, k] = observed[rows][:, columns].any(axis=1)
     return out
 
 

@@ -76,6 +76,9 @@ class SatelliteStates:
     message: Index
 
 
+LETTER_BITS = 21  # of a character: Unicode has no more
+
+
 def select_messages(navigation: Navigation, satellite: ArrayLike, time: ArrayLike) -> Index:
     """Return the row (m,) of the message whose time of ephemeris is nearest.
 
@@ -92,22 +95,19 @@ def select_messages(navigation: Navigation, satellite: ArrayLike, time: ArrayLik
     """
     satellite, time = np.asarray(satellite, dtype="U3"), np.asarray(time, dtype=np.float64)
     chosen = np.full(time.shape, -1, dtype=np.int64)
-    if satellite.size == 0:  # of which np.split would still make a piece
+    if satellite.size == 0:  # np.split would return one group
         return chosen
     codes, inverse = unique_satellites(satellite)
     order = np.argsort(inverse, kind="stable")
-    for code, rows in zip(
-        codes,
-        np.split(order, np.cumsum(np.bincount(inverse, minlength=len(codes)))[:-1]),
-        strict=True,
-    ):
+    ends = np.cumsum(np.bincount(inverse, minlength=len(codes)))
+    for code, rows in zip(codes, np.split(order, ends[:-1]), strict=True):
         messages = np.flatnonzero(navigation.satellite == code)
         if messages.size == 0:
             continue
-        toe, first = np.unique(navigation.table[messages, TOE], return_index=True)
+        toe, first_of_toe = np.unique(navigation.table[messages, TOE], return_index=True)
         nearest = np.searchsorted(0.5 * (toe[1:] + toe[:-1]), time[rows])
         within = np.abs(time[rows] - toe[nearest]) <= REACH_S[code[0]]
-        chosen[rows] = np.where(within, messages[first[nearest]], -1)
+        chosen[rows] = np.where(within, messages[first_of_toe[nearest]], -1)
     return chosen
 
 
@@ -116,12 +116,11 @@ def unique_satellites(satellite: NDArray[np.str_]) -> tuple[list[str], Index]:
     letters = (
         np.ascontiguousarray(satellite, dtype="U3").view(np.uint32).reshape(-1, 3).astype(np.int64)
     )
-    keys, inverse = np.unique(
-        (letters[:, 0] << 42) | (letters[:, 1] << 21) | letters[:, 2], return_inverse=True
-    )
-    return [
-        "".join(chr(int(key >> shift) & 0x1FFFFF) for shift in (42, 21, 0)) for key in keys
-    ], inverse.reshape(-1)
+    shifts = (2 * LETTER_BITS, LETTER_BITS, 0)
+    keys, inverse = np.unique((letters << np.array(shifts)).sum(axis=1), return_inverse=True)
+    mask = (1 << LETTER_BITS) - 1
+    codes = ["".join(chr(int(key >> shift) & mask) for shift in shifts) for key in keys]
+    return codes, inverse.reshape(-1)
 
 
 def satellite_states(
@@ -166,6 +165,7 @@ def _states(
     pseudorange: ArrayLike,
     message: Index | None,
 ) -> SatelliteStates:
+    """Return the states (m,) at emission; at `time` where there are no pseudoranges."""
     from . import _orbit_kernels
 
     time = np.ascontiguousarray(time, dtype=np.float64)

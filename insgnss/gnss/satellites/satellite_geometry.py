@@ -54,30 +54,32 @@ def common_sky(
         which
     ]
     rows = np.flatnonzero(carries & (bands > 0))
-    start = np.searchsorted(rover.epoch[rows], rover_epochs)
-    count = np.searchsorted(rover.epoch[rows], rover_epochs, side="right") - start
+    first_row = np.searchsorted(rover.epoch[rows], rover_epochs)
+    count = np.searchsorted(rover.epoch[rows], rover_epochs, side="right") - first_row
     epoch = np.repeat(np.arange(rover_epochs.size), count)
-    taken = rows[np.arange(epoch.size) - np.repeat(np.cumsum(count) - count, count) + start[epoch]]
-    satellite = rover.satellite[taken]
+    rows_taken = rows[
+        np.arange(epoch.size) - np.repeat(np.cumsum(count) - count, count) + first_row[epoch]
+    ]
+    satellite = rover.satellite[rows_taken]
     states = satellite_states(
-        navigation.of_week(rover.gps_week), satellite, rover.time[rover.epoch[taken]]
+        navigation.of_week(rover.gps_week), satellite, rover.time[rover.epoch[rows_taken]]
     )
     antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[epoch]
     azimuth, elevation = sky(ranges(states.position, antenna)[1], antenna)
-    high = elevation >= np.radians(options.elevation_mask_deg)
-    codes, which = unique_satellites(satellite[high])
+    above_mask = elevation >= np.radians(options.elevation_mask_deg)
+    codes, which = unique_satellites(satellite[above_mask])
     letters = sorted({code[0] for code in codes})
     system = np.array([letters.index(code[0]) for code in codes], dtype=np.int64)[which]
     weight = np.where(
         np.array([code[0] == "R" for code in codes], dtype=np.bool_), GLONASS_WEIGHT, 1.0
     )[which]
     return Sky(
-        epoch[high],
-        azimuth[high],
-        elevation[high],
+        epoch[above_mask],
+        azimuth[above_mask],
+        elevation[above_mask],
         system,
-        weight * bands[taken][high],
-        taken[high],
+        weight * bands[rows_taken][above_mask],
+        rows_taken[above_mask],
     )
 
 
@@ -91,11 +93,12 @@ def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
     """
     shift = (fixes.gps_week - rover.gps_week) * WEEK_S if fixes.gps_week is not None else 0.0
     index = _nearest(rover.time, fixes.time + shift)
-    if (beyond := np.abs(rover.time[index] - fixes.time - shift) > LARGEST_OFFSET_S).any():
-        first = fixes.time[int(np.argmax(beyond))]
+    beyond = np.abs(rover.time[index] - fixes.time - shift) > LARGEST_OFFSET_S
+    if beyond.any():
+        first_time = fixes.time[int(np.argmax(beyond))]
         message = (
-            f"{int(beyond.sum())} of {beyond.size} positions, the first at {first:.3f} s, are not"
-            " at epochs of the rover"
+            f"{int(beyond.sum())} of {beyond.size} positions, the first at {first_time:.3f} s, are"
+            " not at epochs of the rover"
         )
         raise InputError(
             f"{fixes.source or 'positions'}: {message} (limit {LARGEST_OFFSET_S:g} s); are they of"
@@ -105,7 +108,7 @@ def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
 
 
 def _nearest(grid: Array, time: Array) -> NDArray[np.int64]:
-    """Index in the increasing `grid` (n,) nearest to each of `time`."""
+    """Return the index (m,) in the increasing `grid` (n,) nearest to each of `time` (m,)."""
     return np.searchsorted(0.5 * (grid[1:] + grid[:-1]), time)
 
 
@@ -114,13 +117,13 @@ def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
 
     It is -1 where there is none.
     """
-    near = _nearest(base.time + (base.gps_week - rover.gps_week) * WEEK_S, rover.time)
+    nearest_epoch = _nearest(base.time + (base.gps_week - rover.gps_week) * WEEK_S, rover.time)
     _, which = unique_satellites(np.concatenate([rover.satellite, base.satellite]))
-    mine = which[: rover.satellite.size] * base.time.size + near[rover.epoch]
-    theirs = which[rover.satellite.size :] * base.time.size + base.epoch
-    order = np.argsort(theirs)
-    row = order[np.minimum(np.searchsorted(theirs[order], mine), theirs.size - 1)]
-    return np.where(theirs[row] == mine, row, -1)
+    rover_key = which[: rover.satellite.size] * base.time.size + nearest_epoch[rover.epoch]
+    base_key = which[rover.satellite.size :] * base.time.size + base.epoch
+    order = np.argsort(base_key)
+    row = order[np.minimum(np.searchsorted(base_key[order], rover_key), base_key.size - 1)]
+    return np.where(base_key[row] == rover_key, row, -1)
 
 
 def common_bands(

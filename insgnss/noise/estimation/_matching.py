@@ -71,23 +71,26 @@ def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[
     """Curves of the same levels and rate as one, exactly (M.1). Raises UsageError for weights that
     are not positive definite.
     """
-    together: dict[tuple[float, tuple[int, ...]], list[int]] = {}
+    members_of_kind: dict[tuple[float, tuple[int, ...]], list[int]] = {}
     for i, curve in enumerate(curves):
-        together.setdefault((curve.rate_hz, tuple(curve.level.tolist())), []).append(i)
+        members_of_kind.setdefault((curve.rate_hz, tuple(curve.level.tolist())), []).append(i)
     groups = []
-    for (rate_hz, _), members in together.items():
+    for (rate_hz, _), members in members_of_kind.items():
         W = sum((weights[i] for i in members), np.zeros_like(weights[members[0]]))
-        size = np.sqrt(np.diag(W))
+        root_of_diagonal = np.sqrt(np.diag(W))
         try:
-            L = np.linalg.cholesky(W / np.outer(size, size))
+            L = np.linalg.cholesky(W / np.outer(root_of_diagonal, root_of_diagonal))
         except np.linalg.LinAlgError:
             raise UsageError(
                 f"weights of curve {members[0] + 1}: not positive definite; take the interval"
                 " weights"
             ) from None
-        scaled = sum((weights[i] @ curves[i].variance for i in members), np.zeros(size.size)) / size
-        mean = np.linalg.solve(L.T, np.linalg.solve(L, scaled)) / size
-        groups.append(PooledCurves(curves[members[0]].level, rate_hz, L.T * size, mean))
+        scaled = (
+            sum((weights[i] @ curves[i].variance for i in members), np.zeros(root_of_diagonal.size))
+            / root_of_diagonal
+        )
+        mean = np.linalg.solve(L.T, np.linalg.solve(L, scaled)) / root_of_diagonal
+        groups.append(PooledCurves(curves[members[0]].level, rate_hz, L.T * root_of_diagonal, mean))
     return groups
 
 
@@ -125,8 +128,8 @@ class Moments:
         )
 
     def on_bounds(self, times: Array) -> Array:
-        """The times (K,), those within `EDGE` of a bound put on it, so that a time is on a bound
-        exactly or clearly off it.
+        """Return the times (K,), those within `EDGE` of a bound put on it, so that a time is on a
+        bound exactly or clearly off it.
         """
         low, high = self.bounds
         return np.where(
@@ -134,45 +137,45 @@ class Moments:
         )
 
     def columns(self, times: Array) -> tuple[Array, Array, Array]:
-        """Unit columns (t, M) of Gauss-Markov processes of these times, d column / d log T (t, M)
-        at fixed scale, and lengths (t,).
+        """Return unit columns (t, M) of Gauss-Markov processes of these times, d column / d log T
+        (t, M) at fixed scale, and lengths (t,).
         """
         value, slope = [], []
-        for g in self.groups:
-            v, s = gauss_markov_haar(times[:, None] * g.rate_hz, g.level, self.sampling)
-            value.append(v @ g.root.T)
-            slope.append(s @ g.root.T)
+        for group in self.groups:
+            rows = times[:, None] * group.rate_hz
+            variance, derivative = gauss_markov_haar(rows, group.level, self.sampling)
+            value.append(variance @ group.root.T)
+            slope.append(derivative @ group.root.T)
         d, dd = np.concatenate(value, axis=1), np.concatenate(slope, axis=1)
         norm = np.sqrt(np.einsum("tm,tm->t", d, d))
         return d / norm[:, None], dd / norm[:, None], norm
 
     def variances(self, D: Array) -> tuple[Array, Array]:
-        """Non-negative x (p,) that minimises |y - D'x|, and the residual (M,), for unit columns D
-        (p, M).
+        """Return the non-negative x (p,) that minimises |y - D'x|, and the residual (M,), for unit
+        columns D (p, M).
         """
         p = len(D)
-        x, work = np.empty(p), np.empty((p + 2, p))
-        nonnegative(D @ D.T, D @ self.y, x, work)
-        used = x > 0.0
-        for _ in range(
-            2
-        ):  # the normal equations square the condition of D; a step on the residual gives it back
+        x = np.empty(p)
+        nonnegative(D @ D.T, D @ self.y, x, np.empty((p + 2, p)))
+        positive = x > 0.0
+        # the normal equations square the condition of D; two steps on the residual give it back
+        for _ in range(2):
             r = self.y - x @ D
-            correction = np.linalg.lstsq(D[used].T, r, rcond=None)[0]
-            if np.any(x[used] + correction <= 0.0):
+            correction = np.linalg.lstsq(D[positive].T, r, rcond=None)[0]
+            if np.any(x[positive] + correction <= 0.0):
                 break
-            x[used] += correction
+            x[positive] += correction
         return x, self.y - x @ D
 
     def solution(self, times: Array) -> MatchingSolution:
-        """Best variances for these times."""
-        times = np.sort(times)
-        x, r = self.variances(np.concatenate([self.linear, self.columns(times)[0]]))
-        return MatchingSolution(times, x, float(r @ r))
+        """Return the best variances for these times (K,), s."""
+        ascending = np.sort(times)
+        x, r = self.variances(np.concatenate([self.linear, self.columns(ascending)[0]]))
+        return MatchingSolution(ascending, x, float(r @ r))
 
     def curvature(self, solution: MatchingSolution) -> tuple[Array, Array]:
-        """Gradient (K,) and Hessian (K, K) of the minimum over the variances with respect to log T
-        (M.2, M.3).
+        """Return gradient (K,) and Hessian (K, K) of the minimum over the variances with respect to
+        log T (M.2, M.3).
         """
         L, K = len(self.linear), self.K
         T = solution.times
@@ -182,14 +185,15 @@ class Moments:
         second = (dd[K : 2 * K] * scale[:K, None] - dd[2 * K :] * scale[K:, None]) / (
             2.0 * _DIFFERENCE
         )
-        D, x = np.concatenate([self.linear, d[:K]]), solution.x
+        D = np.concatenate([self.linear, d[:K]])
+        x = solution.x
         r = self.y - x @ D
         slope = dd[:K] @ r
         J = x[L:, None] * dd[:K]
-        used = x > 0.0
-        U, R = np.linalg.qr(D[used].T)
+        positive = x > 0.0
+        U, R = np.linalg.qr(D[positive].T)
         E = np.zeros((L + K, K))
         E[L + np.arange(K), np.arange(K)] = slope
-        S = (J @ U).T - np.linalg.solve(R.T, E[used])
+        S = (J @ U).T - np.linalg.solve(R.T, E[positive])
         G = 2.0 * (J @ J.T - np.diag(x[L:] * (second @ r)) - S.T @ S)
         return -2.0 * x[L:] * slope, G

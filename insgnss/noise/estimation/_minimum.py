@@ -37,32 +37,41 @@ _EQUAL = 1e-12  # of Q, within which two solutions are equal
 
 
 def minimum(moments: Moments) -> MatchingSolution:
-    """The minimum over times and variances, of as few processes as it takes."""
+    """Return the minimum over times and variances, of as few processes as it takes."""
     if moments.K == 0:
         return moments.solution(np.empty(0))
-    return without_idle(
-        moments, min((descend(moments, times) for times in search(moments)), key=lambda s: s.value)
-    )
+    minima = [descend(moments, times) for times in search(moments)]
+    return without_idle(moments, min(minima, key=lambda minimum: minimum.value))
+
+
+_POLISHING_STEPS = 5  # of Newton once a step gains nothing any more: they settle the last digits
+_NEWTON_STEPS = 200  # at most (chosen)
+_SHRINKING, _LEAST_STEP = 0.25, 1e-9  # of log T after a step that gains nothing, and where it ends
+_ABOVE_ZERO = 1e-300  # added to an eigenvalue that divides
+_LEAST_EIGENVALUE = 1e-14  # over the largest: below it a direction is flat to rounding
 
 
 def search(moments: Moments) -> list[Array]:
-    """Starting times (K,), s, for the descent, best first: stages 1 and 2."""
-    grid, K = TimeGrid(moments), moments.K
+    """Return starting times (K,), s, for the descent, best first: stages 1 and 2."""
+    grid = TimeGrid(moments)
+    K = moments.K
     beam = [np.empty(0)]
     for _ in range(K):
-        beam = grid.settled(
-            [
-                np.append(positions, position)
-                for positions in beam
-                for position in grid.places(positions)
-            ]
-        )[:_BEAM]
-    best, k, unchanged = beam[0], 0, 0
+        starts = [
+            np.append(positions, position)
+            for positions in beam
+            for position in grid.places(positions)
+        ]
+        beam = grid.settled(starts)[:_BEAM]
+    best = beam[0]
+    k = unchanged = 0
     while unchanged < K:
-        kept = np.delete(best, k)
-        new = grid.settled([np.append(kept, position) for position in grid.places(kept)])[0]
-        if grid.value(new) < grid.value(best) * (1.0 - _BETTER):
-            best, unchanged = new, 0
+        others_fixed = np.delete(best, k)
+        starts = [np.append(others_fixed, position) for position in grid.places(others_fixed)]
+        trial = grid.settled(starts)[0]
+        if grid.value(trial) < grid.value(best) * (1.0 - _BETTER):
+            best = trial
+            unchanged = 0
         else:
             unchanged += 1
         k = (k + 1) % K
@@ -71,45 +80,49 @@ def search(moments: Moments) -> list[Array]:
 
 def descend(moments: Moments, times: Array) -> MatchingSolution:
     """Newton's method from `times` (K,) to the minimum in its basin, between the bounds."""
-    now, reach, last = moments.solution(moments.on_bounds(times)), _LARGEST_STEP, 5
+    now = moments.solution(moments.on_bounds(times))
+    radius = _LARGEST_STEP
+    polishing_steps = _POLISHING_STEPS
     g, G = moments.curvature(now)
-    for _ in range(200):
+    for _ in range(_NEWTON_STEPS):
         step = newton_step(np.log(now.times), g, G, np.log(moments.bounds))
         if not step.any():
             break
         close = -g @ step <= _CLOSE * now.value + _FLOOR
-        step *= min(1.0, reach / np.abs(step).max())
+        step *= min(1.0, radius / np.abs(step).max())
         trial = moments.solution(moments.on_bounds(now.times * np.exp(step)))
         if close:
             slope, curvature = moments.curvature(trial)
-            last -= 1
+            polishing_steps -= 1
             if (
-                last < 0
+                polishing_steps < 0
                 or np.abs(slope).max() >= np.abs(g).max()
                 or trial.value > now.value * (1.0 + _CLOSE) + _FLOOR
             ):
                 break
             now, g, G = trial, slope, curvature
         elif trial.value < now.value:
-            now, reach = trial, min(2.0 * reach, _LARGEST_STEP)
+            now = trial
+            radius = min(2.0 * radius, _LARGEST_STEP)
             g, G = moments.curvature(now)
         else:
-            reach = 0.25 * np.abs(step).max()
-            if reach < 1e-9:
+            radius = _SHRINKING * np.abs(step).max()
+            if radius < _LEAST_STEP:
                 break
     return now
 
 
 def newton_step(t: Array, g: Array, G: Array, bounds: Array) -> Array:
-    """Step (K,) of log T downhill, zero for times that the gradient holds on a bound and for
-    processes without variance.
+    """Return the step (K,) of log T downhill, zero for times that the gradient holds on a bound and
+    for processes without variance.
     """
     low, high = bounds
     free = ~(((t <= low + EDGE) & (g > 0.0)) | ((t >= high - EDGE) & (g < 0.0)) | (g == 0.0))
     step = np.zeros(t.size)
     if free.any():
-        size, V = np.linalg.eigh(G[np.ix_(free, free)])
-        size = np.maximum(np.abs(size), 1e-14 * np.abs(size).max() + 1e-300)
+        eigenvalue, V = np.linalg.eigh(G[np.ix_(free, free)])
+        size = np.abs(eigenvalue)
+        size = np.maximum(size, _LEAST_EIGENVALUE * size.max() + _ABOVE_ZERO)
         step[free] = -V @ ((V.T @ g[free]) / size)
     return step
 
@@ -133,11 +146,11 @@ def without_idle(moments: Moments, solution: MatchingSolution) -> MatchingSoluti
             if moments.solution(moved).value <= limit:
                 times = moved
     active = moments.solution(times)
-    used = active.x[L:] > 0.0
-    idle = moments.K - int(used.sum())
-    x = np.concatenate([active.x[:L], active.x[L:][used], np.zeros(idle)])
+    needed = active.x[L:] > 0.0
+    idle = moments.K - int(needed.sum())
+    x = np.concatenate([active.x[:L], active.x[L:][needed], np.zeros(idle)])
     return MatchingSolution(
-        np.append(times[used], np.full(idle, moments.bounds[1])), x, active.value
+        np.append(times[needed], np.full(idle, moments.bounds[1])), x, active.value
     )
 
 
@@ -171,12 +184,12 @@ class TimeGrid:
         """
         gain = np.empty(self.T.size)
         profile(positions, self.linear, self.D, self.slope, self.y, gain)
-        inner = np.concatenate([[-np.inf], gain, [-np.inf]])
-        peaks = np.flatnonzero((gain >= inner[:-2]) & (gain > inner[2:]))
+        padded = np.concatenate([[-np.inf], gain, [-np.inf]])
+        peaks = np.flatnonzero((gain >= padded[:-2]) & (gain > padded[2:]))
         return [float(i) for i in peaks[np.argsort(-gain[peaks])][:_PEAKS]]
 
     def settled(self, starts: Sequence[Array]) -> list[Array]:
-        """Minima reached from `starts`, each once, best first."""
+        """Return the minima reached from `starts` (positions (K,)), each once, best first."""
         minima: dict[tuple[int, ...], Array] = {}
         for start in starts:
             positions = np.array(start)

@@ -46,6 +46,21 @@ _HIT = 0.04  # of the rise, about 1 % of its limit
 _EDGE = 1e-12
 
 
+# Levenberg-Marquardt: damping at the start, its factors after a good and a bad step, and its ends
+_FIRST_DAMPING, _DAMPING_DOWN, _DAMPING_UP = 1e-3, 0.2, 8.0
+_LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e9  # between Newton and no step at all
+_MARQUARDT_STEPS = 60  # at most (chosen)
+_STRIDE = 1.5  # largest step of a coordinate: farther the linearisation is worthless
+_NEGLIGIBLE = 0.1  # of the wanted accuracy: a step that promises less is not made
+_LEAST_DIAGONAL = 1e-12  # over the largest: below it a coordinate is without effect
+_ABOVE_ZERO = 1e-300  # scale of a problem that no coordinate has an effect on: it divides
+_LIMIT_STEPS, _STEP_UP = 40, 1.6  # towards a limit at most, and how a step grows meanwhile
+_LEAST_STEP = 1e-4  # of a coordinate towards a limit: 0.01 % of a parameter
+_FARTHER = 0.2  # first step from the 95 % to the 99 % limit, over the half width of the interval
+_OFF_ENDS = 0.1  # share of a bracket that an interpolated step keeps off its ends
+_POLISHED = 1e-9  # of Q, to which a fit with other weights is minimised: below any rounding
+
+
 class Local:
     """The least squares problem of a fit in the coordinates (L.1, L.2), in the order of
     `composition.parameters`.
@@ -79,13 +94,13 @@ class Local:
         self.s = np.ones(len(names))
 
     def _unit(self, name: str, curve: PooledCurves) -> Array:
-        """Wavelet variance of a process of density one."""
+        """Return the wavelet variance (J,) of a process of density one."""
         density: dict[str, Any] = {name: 1.0}
         return haar_variance(AxisNoise(**density), curve.level, curve.rate_hz, self.sampling)
 
     def units(self, times: Array) -> tuple[list[Array], list[Array]]:
-        """U (p, J) and T dU/dT (p, J) of each kind of curve; rows of times are zero, those of their
-        densities hold both.
+        """Return U (p, J) and T dU/dT (p, J) of each kind of curve; rows of times are zero, those
+        of their densities hold both.
         """
         value = [np.zeros((self.time.size, c.level.size)) for c in self.groups]
         slope = [np.zeros((self.time.size, c.level.size)) for c in self.groups]
@@ -101,7 +116,7 @@ class Local:
         return value, slope
 
     def coordinates(self, parameters: Array) -> Array:
-        """x (p,) of parameters (p,) in SI; sets the scale s of (L.1) from them."""
+        """Return x (p,) of parameters (p,) in SI, and set the scale s of (L.1) from them."""
         value, _ = self.units(parameters[self.time])
         power = sum(
             np.einsum("pj,pj->p", v @ root.T, v @ root.T)
@@ -114,8 +129,8 @@ class Local:
         return self.within(x)
 
     def within(self, x: Array) -> Array:
-        """x (p,) between the edges; a time within `_EDGE` of an edge is on it, whatever the last
-        digit of its logarithm.
+        """Return x (p,) between the edges; a time within `_EDGE` of an edge is on it, whatever the
+        last digit of its logarithm.
         """
         margin = np.where(self.time, _EDGE, 0.0)
         return np.where(
@@ -123,14 +138,14 @@ class Local:
         )
 
     def parameters(self, x: Array) -> Array:
-        """Parameters (p,), SI, of x (p,)."""
+        """Return the parameters (p,), SI, of x (p,)."""
         out = np.empty(x.size)
         out[self.time] = 1.0 / (np.exp(-x[self.time]) - self.b)
         out[~self.time] = np.sqrt(2.0 * self.s[~self.time] * np.sinh(x[~self.time]))
         return out
 
     def logarithmic(self, x: Array) -> Array:
-        """d log parameter / dx (p,); infinite at a density of zero."""
+        """Return d log parameter / dx (p,); infinite at a density of zero."""
         with np.errstate(divide="ignore"):
             return np.where(
                 self.time,
@@ -139,7 +154,7 @@ class Local:
             )
 
     def modelled(self, x: Array) -> tuple[list[Array], list[Array]]:
-        """nu (J,) and its derivative D (J, p) with respect to x, of each kind of curve."""
+        """Return nu (J,) and its derivative D (J, p) with respect to x, of each kind of curve."""
         times = 1.0 / (np.exp(-x[self.time]) - self.b)
         value, slope = self.units(times)
         v = np.where(self.time, 0.0, 2.0 * self.s * np.sinh(np.where(self.time, 0.0, x)))
@@ -153,13 +168,13 @@ class Local:
         return [v @ U for U in value], derivatives
 
     def derivative(self, x: Array) -> Array:
-        """D of all curves below each other (M, p)."""
-        each = self.modelled(x)[1]
-        return np.concatenate([each[k] for k in self.kind])
+        """Return D (M, p) of all curves below each other."""
+        derivatives = self.modelled(x)[1]
+        return np.concatenate([derivatives[k] for k in self.kind])
 
     def residual(self, x: Array) -> tuple[Array, Array]:
-        """Weighted residual and its derivative (., p) over the kinds of curves; Q is the residual's
-        square but for a constant.
+        """Return the weighted residual and its derivative (., p) over the kinds of curves; Q is the
+        residual's square but for a constant.
         """
         nu, D = self.modelled(x)
         r = self.y - np.concatenate([root @ a for root, a in zip(self.roots, nu, strict=True)])
@@ -168,53 +183,54 @@ class Local:
     def minimise(
         self, x: Array, fixed: int | None = None, enough: float = _PROFILE_EXCESS
     ) -> tuple[Array, float]:
-        """Minimum of Q near x, to `enough`, with coordinate `fixed` held.
+        """Return the minimum of Q near x, to `enough`, with coordinate `fixed` held.
 
         Levenberg-Marquardt steps; coordinates at an edge stay there while that pays.
         """
-        x, damping = x.copy(), 1e-3
+        x = x.copy()
+        damping = _FIRST_DAMPING
         r, D = self.residual(x)
         Q = float(r @ r)
-        for _ in range(60):
+        for _ in range(_MARQUARDT_STEPS):
             g = D.T @ r
             free = ~(((x <= self.low) & (g > 0.0)) | ((x >= self.high) & (g < 0.0)))
             if fixed is not None:
                 free[fixed] = False
             A = D[:, free].T @ D[:, free]
-            size = np.diag(A) + 1e-12 * np.diag(A).max(initial=1e-300)
+            size = np.diag(A) + _LEAST_DIAGONAL * np.diag(A).max(initial=_ABOVE_ZERO)
             step = np.zeros(x.size)
             step[free] = -np.linalg.solve(A + np.diag(damping * size), g[free])
-            step = np.clip(x + np.clip(step, -1.5, 1.5), self.low, self.high) - x
+            step = np.clip(x + np.clip(step, -_STRIDE, _STRIDE), self.low, self.high) - x
             promised = -float(2.0 * g @ step + step @ D.T @ D @ step)
-            if promised < 0.1 * enough:
+            if promised < _NEGLIGIBLE * enough:
                 break
             trial, trial_D = self.residual(x + step)
             value = float(trial @ trial)
             if value < Q:
-                damping = max(0.2 * damping, 1e-9) if Q - value > 0.5 * promised else damping
+                if Q - value > 0.5 * promised:
+                    damping = max(_DAMPING_DOWN * damping, _LEAST_DAMPING)
                 x, r, D, Q = self.within(x + step), trial, trial_D, value
             else:
-                damping *= 8.0
-                if damping > 1e9:
+                damping *= _DAMPING_UP
+                if damping > _MOST_DAMPING:
                     break
         return x, Q
 
     def limit(
         self, x: Array, Q: float, i: int, step: float, rise: float, height: float = 0.0
     ) -> Array:
-        """The minimum (p,) given coordinate i where its profile has risen by `rise` above Q, from x
-        along `step`, or at the edge.
+        """Return the minimum (p,) given coordinate i where its profile is `rise` above Q.
 
-        height : square root of the rise at x.   Where Gauss-Markov processes would change places,
-                                                 the limit is there: they go by the
-        order of their times.
+        It is sought from x along `step`, at most to the edge. Where Gauss-Markov processes would
+        change places, the limit is there: they go by the order of their times. `height` is the
+        square root of the rise at x.
         """
         edge = self.high[i] if step > 0.0 else self.low[i]
         inside, outside, best = (x[i], height), None, x  # coordinate and square root of the rise
         goal = math.sqrt(rise)
         if x[i] == edge:
             return x
-        for _ in range(40):
+        for _ in range(_LIMIT_STEPS):
             trial = best.copy()
             trial[i] = np.clip(
                 inside[0] + step if outside is None else _between(inside, outside, goal),
@@ -225,21 +241,21 @@ class Local:
             swapped = bool((np.diff(trial[self.time]) < 0.0).any())
             height = 2.0 * goal if swapped else math.sqrt(max(value - Q, 0.0))
             if abs(height**2 - rise) < _HIT or (
-                outside is not None and abs(trial[i] - inside[0]) < 1e-4
+                outside is not None and abs(trial[i] - inside[0]) < _LEAST_STEP
             ):
                 return trial
             if height < goal:
                 best, inside = trial, (trial[i], height)
                 if trial[i] == edge:
                     return trial
-                step *= 1.6
+                step *= _STEP_UP
             else:
                 outside = (trial[i], height)
         return trial
 
     def profile(self, parameters: Array, i: int) -> tuple[float, float, float]:
-        """95 % interval of parameter i, SI, by the profile of Q about its minimum at `parameters`,
-        and the upper limit of the 99 % one.
+        """Return the 95 % interval of parameter i, SI, by the profile of Q about its minimum at
+        `parameters`, and the upper limit of the 99 % one.
 
         Zero or infinite where the profile stays below to the edge of what is admissible.
         """
@@ -247,16 +263,15 @@ class Local:
         r, D = self.residual(x)
         Q = float(r @ r)
         curvature = float(D[:, i] @ D[:, i])
-        step = min(max(math.sqrt(RISE_95 / curvature), 1e-4), 1.0) if curvature > 0.0 else 1.0
+        step = 1.0
+        if curvature > 0.0:
+            step = min(max(math.sqrt(RISE_95 / curvature), _LEAST_STEP), 1.0)
         low = self.limit(x, Q, i, -step, RISE_95)
         high = self.limit(x, Q, i, step, RISE_95)
-        farther = (
-            high
-            if high[i] == self.high[i]
-            else self.limit(
-                high, Q, i, max(0.2 * (high[i] - x[i]), 1e-4), RISE_99, math.sqrt(RISE_95)
-            )
-        )
+        farther = high
+        if high[i] != self.high[i]:
+            step = max(_FARTHER * (high[i] - x[i]), _LEAST_STEP)
+            farther = self.limit(high, Q, i, step, RISE_99, math.sqrt(RISE_95))
         return self._end(low, i), self._end(high, i), self._end(farther, i)
 
     def _end(self, x: Array, i: int) -> float:
@@ -269,9 +284,9 @@ class Local:
 
 
 def polished(fitted: NoiseFit, weights: Sequence[Array]) -> NoiseFit:
-    """The minimum with other weights in the basin of a fit."""
+    """Return the minimum with other weights in the basin of a fit."""
     local = Local(replace(fitted, weights=tuple(weights)))
-    x, _ = local.minimise(local.coordinates(fitted.parameters), enough=1e-9)
+    x, _ = local.minimise(local.coordinates(fitted.parameters), enough=_POLISHED)
     names = fitted.composition.parameters
     axis = fitted.composition.axis(local.parameters(x))
     at_bound = tuple(
@@ -287,6 +302,6 @@ def polished(fitted: NoiseFit, weights: Sequence[Array]) -> NoiseFit:
 
 
 def _between(inside: tuple[float, float], outside: tuple[float, float], goal: float) -> float:
-    """Linear interpolation of the square root of the rise, kept off the ends."""
+    """Interpolate the coordinate linearly to a square root of the rise, kept off the ends."""
     share = (goal - inside[1]) / (outside[1] - inside[1])
-    return inside[0] + min(max(share, 0.1), 0.9) * (outside[0] - inside[0])
+    return inside[0] + min(max(share, _OFF_ENDS), 1.0 - _OFF_ENDS) * (outside[0] - inside[0])

@@ -64,17 +64,21 @@ class Bootstrap:
             )
 
 
+_UPPER_95 = 0.975  # of chi-square, the upper end of a 95 % interval
+_SAME_WEIGHTS = 1e-9  # relative difference of two weights that are the same but for rounding
+
+
 def simulate_axis(
     axis: AxisNoise, n: int, rate_hz: float, rng: np.random.Generator, sampling: Sampling = "point"
 ) -> Array:
-    """One series (n,), X, of which `theory.haar_variance` with the same `sampling` is the wavelet
-    variance.
+    """Return one series (n,), X, of which `theory.haar_variance` with the same `sampling` is the
+    wavelet variance.
 
     All of it is normal, rounding errors too, as `haar_covariance` has it. The drift is a slope of
     known size, and the turn-on bias, which no wavelet variance shows, is left out.
     """
-    plain = replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0)
-    out = simulate_noise(plain, n, 1.0 / rate_hz, rng, sampling)
+    random_part = replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0)
+    out = simulate_noise(random_part, n, 1.0 / rate_hz, rng, sampling)
     if axis.quantization:
         out += axis.quantization * rate_hz * np.diff(rng.standard_normal(n + 1))
     if axis.drift:
@@ -83,8 +87,9 @@ def simulate_axis(
 
 
 def draw_variances(fitted: NoiseFit, draws: int, *, seed: int = 0) -> tuple[Array, ...]:
-    """Wavelet variances (draws, J_i) of each curve, X^2, at the levels of the fit, from recordings
-    of the fitted processes; "reduced" for plain maximal-overlap curves of more than 2^17 samples.
+    """Return wavelet variances (draws, J_i) of each curve, X^2, at the levels of the fit, from
+    recordings of the fitted processes; "reduced" for plain maximal-overlap curves of more than 2^17
+    samples.
 
     Raises UsageError for fewer than one draw.
     """
@@ -92,52 +97,62 @@ def draw_variances(fitted: NoiseFit, draws: int, *, seed: int = 0) -> tuple[Arra
         raise UsageError(f"{draws} draws; give at least 1")
     out = []
     for i, curve in enumerate(fitted.curves):
-        plain = curve.decomposition == "modwt" and not curve.robust
-        rows = _reduced if plain and curve.samples > 2 ** (_BLOCKS + 2) else _series
-        out.append(rows(fitted, curve, draws, (seed, i)))
+        is_plain = curve.decomposition == "modwt" and not curve.robust
+        draw = (
+            _draws_of_reduced_recordings
+            if is_plain and curve.samples > 2 ** (_BLOCKS + 2)
+            else _draws_of_recordings
+        )
+        out.append(draw(fitted, curve, draws, (seed, i)))
     return tuple(out)
 
 
-def _series(fitted: NoiseFit, curve: WaveletVariance, draws: int, seed: tuple[int, int]) -> Array:
+def _draws_of_recordings(
+    fitted: NoiseFit, curve: WaveletVariance, draws: int, seed: tuple[int, int]
+) -> Array:
+    """Return wavelet variances (draws, J), X^2, of whole simulated recordings."""
     highest = int(curve.level[-1])
     options: dict[str, Any] = {"decomposition": curve.decomposition}
     if curve.robust:
         options |= {"robust": True, "efficiency": robust_efficiency(curve)}
 
-    def one(k: int) -> Array:
+    def draw(k: int) -> Array:
         rng = np.random.default_rng([*seed, k])
         x = simulate_axis(fitted.axis, curve.samples, curve.rate_hz, rng, fitted.sampling)
         return wavelet_variance(x, curve.rate_hz, levels=highest, **options).variance[
             curve.level - 1
         ]
 
-    return np.array(in_threads(one, draws))
+    return np.array(in_threads(draw, draws))
 
 
-def _reduced(fitted: NoiseFit, curve: WaveletVariance, draws: int, seed: tuple[int, int]) -> Array:
+def _draws_of_reduced_recordings(
+    fitted: NoiseFit, curve: WaveletVariance, draws: int, seed: tuple[int, int]
+) -> Array:
+    """Return wavelet variances (draws, J), X^2: long scales of block means, short ones by (B.1)."""
     k = curve.samples.bit_length() - 1 - _BLOCKS
-    blocks, block_s = curve.samples >> k, 2**k / curve.rate_hz
+    blocks = curve.samples >> k
+    block_s = 2**k / curve.rate_hz
     expected = haar_variance(fitted.axis, curve.level, curve.rate_hz, fitted.sampling)
     large = curve.level >= k + _FIRST
-    inner = curve.level[large] - k
+    block_level = curve.level[large] - k
     out = np.empty((draws, curve.level.size))
     if large.any():
-        ratio = expected[large] / haar_variance(fitted.axis, inner, 1.0 / block_s, "mean")
+        ratio = expected[large] / haar_variance(fitted.axis, block_level, 1.0 / block_s, "mean")
 
-        def one(i: int) -> Array:
-            x = simulate_axis(
-                fitted.axis, blocks, 1.0 / block_s, np.random.default_rng([*seed, i]), "mean"
-            )
-            return (
-                wavelet_variance(x, 1.0 / block_s, levels=int(inner[-1])).variance[inner - 1]
-                * ratio
-            )
+        def draw(i: int) -> Array:
+            rng = np.random.default_rng([*seed, i])
+            x = simulate_axis(fitted.axis, blocks, 1.0 / block_s, rng, "mean")
+            curve_of_blocks = wavelet_variance(x, 1.0 / block_s, levels=int(block_level[-1]))
+            return curve_of_blocks.variance[block_level - 1] * ratio
 
-        out[:, large] = in_threads(one, draws)
+        out[:, large] = in_threads(draw, draws)
     if not large.all():
-        V = haar_covariance(fitted.axis, curve.level, curve.samples, curve.rate_hz, fitted.sampling)
-        gain = np.linalg.solve(V[np.ix_(large, large)], V[np.ix_(large, ~large)])
-        conditional = V[np.ix_(~large, ~large)] - V[np.ix_(~large, large)] @ gain
+        cov = haar_covariance(
+            fitted.axis, curve.level, curve.samples, curve.rate_hz, fitted.sampling
+        )
+        gain = np.linalg.solve(cov[np.ix_(large, large)], cov[np.ix_(large, ~large)])
+        conditional = cov[np.ix_(~large, ~large)] - cov[np.ix_(~large, large)] @ gain
         normal = np.random.default_rng([*seed, draws]).standard_normal((draws, int((~large).sum())))
         out[:, ~large] = (
             expected[~large]
@@ -148,27 +163,26 @@ def _reduced(fitted: NoiseFit, curve: WaveletVariance, draws: int, seed: tuple[i
 
 
 def robust_efficiency(curve: WaveletVariance) -> float:
-    """Efficiency of a robust curve, from how much its intervals are wider than those of the plain
-    estimate; 1 for a plain one.
+    """Return the efficiency of a robust curve, from how much its intervals are wider than those of
+    the plain estimate; 1 for a plain one.
     """
     from scipy.special import chdtri
 
     if not curve.robust:
         return 1.0
-    eta = (
-        max(curve.count[0] / 2.0 ** curve.level[0], 1.0)
-        if curve.decomposition == "modwt"
-        else float(curve.count[0])
-    )
-    return float(
-        ((eta / chdtri(eta, 0.975) - 1.0) / (curve.high[0] / curve.variance[0] - 1.0)) ** 2
-    )
+    degrees = float(curve.count[0])
+    if curve.decomposition == "modwt":
+        degrees = max(curve.count[0] / 2.0 ** curve.level[0], 1.0)
+    plain_width = degrees / chdtri(degrees, _UPPER_95) - 1.0
+    return float((plain_width / (curve.high[0] / curve.variance[0] - 1.0)) ** 2)
 
 
 def redrawn(
     fitted: NoiseFit, variances: tuple[Array, ...]
 ) -> Iterator[tuple[WaveletVariance, ...]]:
-    """The fit's curves with each row of `variances` in place of theirs, intervals in proportion."""
+    """Yield the fit's curves with each row of `variances` in place of theirs, intervals in
+    proportion.
+    """
     for rows in zip(*variances, strict=True):
         yield tuple(
             replace(
@@ -182,15 +196,15 @@ def redrawn(
 
 
 def has_interval_weights(fitted: NoiseFit) -> bool:
-    """Whether the fit's weights are those of the intervals of its curves."""
+    """Return whether the fit's weights are those of the intervals of its curves."""
     return all(
-        np.allclose(omega, interval_weights(curve), rtol=1e-9)
+        np.allclose(omega, interval_weights(curve), rtol=_SAME_WEIGHTS)
         for omega, curve in zip(fitted.weights, fitted.curves, strict=True)
     )
 
 
 def refit(fitted: NoiseFit, curves: tuple[WaveletVariance, ...]) -> NoiseFit:
-    """Fit of other curves in the manner of `fitted`: interval weights are those of the new curves,
+    """Fit other curves in the manner of `fitted`: interval weights are those of the new curves,
     other weights stay.
     """
     weights = None if has_interval_weights(fitted) else fitted.weights

@@ -61,6 +61,12 @@ class NoiseEstimate:
         return self.value * self.log_error
 
 
+_RANK_TOLERANCE = 1e-12  # of singular values over the largest: smaller ones are rounding
+_LEAST_VARIANCE = 1e-12  # of a residual, over that of its moment: a fit through a point leaves none
+_FARTHER_LEVEL = 0.99  # of the interval whose upper limit tells that a time has no end
+_LARGEST_EXPONENT = 700.0  # of exp: doubles end at 709
+
+
 class Linearised:
     """The fit linearised (E.1), stacked over the curves, in the coordinates of `Local`."""
 
@@ -71,18 +77,15 @@ class Linearised:
         idle[idle] = fitted.parameters[1:][idle[:-1]] == 0.0  # a time stands before its density
         self.free = np.flatnonzero(~idle)
         self.D = self.local.derivative(self.x)[:, self.free]
-        self.V, self.Omega = _stacked(V), _stacked(fitted.weights)
+        self.V, self.Omega = _block_diagonal(V), _block_diagonal(fitted.weights)
         A = self.D.T @ self.Omega @ self.D
-        size = np.sqrt(np.diag(A))
-        self.B = (
-            np.linalg.pinv(A / np.outer(size, size), rcond=1e-12)
-            / np.outer(size, size)
-            @ self.D.T
-            @ self.Omega
-        )
+        root = np.sqrt(np.diag(A))
+        scale = np.outer(root, root)
+        inverse = np.linalg.pinv(A / scale, rcond=_RANK_TOLERANCE) / scale
+        self.B = inverse @ self.D.T @ self.Omega
 
     def covariance(self) -> Array:
-        """(p, p) of x; NaN for the time of a process without driving noise."""
+        """Return the covariance (p, p) of x, NaN for times of processes without driving noise."""
         out = np.full((self.x.size, self.x.size), np.nan)
         out[np.ix_(self.free, self.free)] = self.B @ self.V @ self.B.T
         return out
@@ -94,8 +97,7 @@ class Linearised:
         return float(self.local.parameters(x)[i])
 
     def scatter(self, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """(M,) standard deviation of the distance of nu_hat from the fit, and eigenvalues lambda
-        (M,) of P' Omega P V.
+        """Return sigmas (M,) of nu_hat from the fit, and eigenvalues lambda (M,) of P' Omega P V.
 
         inside : which of the free parameters take part in the fit, those that are not at an edge.
         """
@@ -105,13 +107,16 @@ class Linearised:
         weight = np.linalg.eigvalsh(residual @ self.V @ residual.T)
         P = np.linalg.solve(A, residual)
         variance = np.einsum("ij,jk,ik->i", P, self.V, P)
-        return np.sqrt(np.maximum(variance, 1e-12 * np.diag(self.V))), np.maximum(weight, 0.0)
+        return np.sqrt(np.maximum(variance, _LEAST_VARIANCE * np.diag(self.V))), np.maximum(
+            weight, 0.0
+        )
 
 
 def estimates(
     fitted: NoiseFit, linear: Linearised, kind: str, resampled: Bootstrap | None = None
 ) -> tuple[tuple[NoiseEstimate, ...], Array]:
-    """All parameters with intervals of a kind, and the covariance (p, p) of their logarithms.
+    """Return all parameters with intervals of a kind, and the covariance (p, p) of their
+    logarithms.
 
     kind : "sandwich", "profile", for efficient weights, or "bootstrap", for which the re-fits
         `resampled` are needed.
@@ -125,25 +130,31 @@ def estimates(
     log_covariance = C * np.outer(factor, factor)
     log_error = np.sqrt(np.diag(log_covariance))
     if kind == "bootstrap" and resampled is not None:
-        ends = np.array([*resampled.interval(), resampled.interval(0.99)[1]]).T
+        ends = np.array([*resampled.interval(), resampled.interval(_FARTHER_LEVEL)[1]]).T
     elif kind == "profile":
         ends = np.array([linear.local.profile(fitted.parameters, i) for i in range(len(C))])
     else:
-        ends = np.array([_sandwich(linear, C, log_error, i) for i in range(len(C))])
+        ends = np.array([_sandwich_interval(linear, C, log_error, i) for i in range(len(C))])
     columns = (fitted.composition.terms, fitted.parameters.tolist(), log_error.tolist())
     results = []
     for i, (row, term, value, error) in enumerate(zip(ends.tolist(), *columns, strict=True)):
-        limits = _bounded(linear, i, row, kind == "sandwich")
+        limits = _bounded_interval(linear, i, row, kind == "sandwich")
         results.append(NoiseEstimate(term, value, error, *limits, str(term) in fitted.at_bound))
     return tuple(results), log_covariance
 
 
-def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[float, float, float]:
-    """95 % interval of parameter i and upper limit of the 99 % one, from its standard error."""
+def _sandwich_interval(
+    linear: Linearised, C: Array, log_error: Array, i: int
+) -> tuple[float, float, float]:
+    """Return the 95 % interval of parameter i and upper limit of the 99 % one, from its standard
+    error.
+    """
     value = float(linear.local.parameters(linear.x)[i])
     if np.isfinite(log_error[i]):
-        reach, farther = (math.exp(min(z * log_error[i], 700.0)) for z in (_Z_95, _Z_99))
-        return value / reach, value * reach, value * farther
+        factor, farther = (
+            math.exp(min(z * log_error[i], _LARGEST_EXPONENT)) for z in (_Z_95, _Z_99)
+        )
+        return value / factor, value * factor, value * farther
     if not np.isfinite(C[i, i]):
         return 0.0, math.inf, math.inf
     sigma = math.sqrt(C[i, i])
@@ -156,10 +167,10 @@ def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[f
     return 0.0, math.sqrt(_Z_95 * variance_error), math.sqrt(_Z_99 * variance_error)
 
 
-def _bounded(
+def _bounded_interval(
     linear: Linearised, i: int, ends: Sequence[float], by_error: bool
 ) -> tuple[float, float, float]:
-    """An interval and the limit beyond, with ends that mean nothing put at zero and infinity.
+    """Return an interval and the limit beyond, uninformative ends put at zero and infinity.
 
     A limit `_UNBOUNDED` times the value and more is none, nor is that of a density whose part alone
     would be so much of the variance at every scale. by_error : the interval is symmetric in the
@@ -167,22 +178,21 @@ def _bounded(
     """
     low, high, far = ends
     value = float(linear.local.parameters(linear.x)[i])
-    most = _UNBOUNDED * value if value > 0.0 else math.inf
+    largest = _UNBOUNDED * value if value > 0.0 else math.inf
     if i in linear.local.linear:
-        units = zip(linear.local.groups, linear.local.linear[i], strict=True)
-        alone = max(float(np.abs(g.mean / unit).max()) for g, unit in units)
-        most = min(most, _UNBOUNDED * math.sqrt(alone))
-    if not high > most:
-        return low, high, far if far <= most else math.inf
+        rows = zip(linear.local.groups, linear.local.linear[i], strict=True)
+        squared_density = max(float(np.abs(g.mean / variance).max()) for g, variance in rows)
+        largest = min(largest, _UNBOUNDED * math.sqrt(squared_density))
+    if not high > largest:
+        return low, high, far if far <= largest else math.inf
     return (0.0 if by_error else low), math.inf, math.inf
 
 
-def _stacked(blocks: Sequence[Array]) -> Array:
-    """Block diagonal matrix."""
-    size = [len(block) for block in blocks]
-    out = np.zeros((sum(size), sum(size)))
-    first = 0
-    for block, n in zip(blocks, size, strict=True):
-        out[first : first + n, first : first + n] = block
-        first += n
+def _block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Return the block diagonal matrix of square blocks."""
+    ends = np.cumsum([len(block) for block in blocks])
+    out = np.zeros((ends[-1], ends[-1]))
+    for block, end in zip(blocks, ends, strict=True):
+        rows = slice(end - len(block), end)
+        out[rows, rows] = block
     return out

@@ -81,12 +81,16 @@ class NoiseFit:
         )
 
 
+_LEAST_WIDTH = 1e-140  # of an interval (X^2): its inverse square is finite
+_SYMMETRIC = 1e-6  # difference of two halves of a weight matrix over its diagonal, by rounding
+
+
 def interval_weights(curve: WaveletVariance) -> Array:
-    """Diagonal Omega (J, J), 1/X^4: one over the squared width of each 95 % interval. Raises
-    DataError where one has no width.
+    """Return a diagonal Omega (J, J), 1/X^4: one over the squared width of each 95 % interval.
+    Raises DataError where one has no width.
     """
     width = curve.high - curve.low
-    if not (width > 1e-140).all():  # its inverse square is finite
+    if not (width > _LEAST_WIDTH).all():
         raise DataError(
             f"level {int(curve.level[np.argmin(width)])}: the interval of the wavelet variance has"
             " no width; give weights"
@@ -100,11 +104,11 @@ def objective(
     weights: Sequence[Array],
     sampling: Sampling = "point",
 ) -> float:
-    """Q (G.1) of the processes of an axis."""
+    """Return Q (G.1) of the processes of an axis."""
     total = 0.0
     for curve, omega in zip(curves, weights, strict=True):
-        d = curve.variance - haar_variance(axis, curve.level, curve.rate_hz, sampling)
-        total += float(d @ omega @ d)
+        residual = curve.variance - haar_variance(axis, curve.level, curve.rate_hz, sampling)
+        total += float(residual @ omega @ residual)
     return total
 
 
@@ -149,18 +153,19 @@ def fit(
         For fewer levels than parameters.
     """
     composition = Composition.parse(composition) if isinstance(composition, str) else composition
-    chosen = _chosen([curves] if isinstance(curves, WaveletVariance) else curves, levels)
-    omegas = (
-        tuple(interval_weights(c) for c in chosen) if weights is None else _checked(weights, chosen)
-    )
+    chosen = _select_levels([curves] if isinstance(curves, WaveletVariance) else curves, levels)
+    if weights is None:
+        omegas = tuple(interval_weights(curve) for curve in chosen)
+    else:
+        omegas = _check_weights(weights, chosen)
     different = {(j, c.rate_hz) for c in chosen for j in c.level.tolist()}
     if len(different) < composition.size:
         parameters = f"the {composition.size} parameters of {composition}"
         raise DataError(
             f"{len(different)} scales for {parameters}; name fewer processes or record longer"
         )
-    moments = Moments(pooled(chosen, omegas), composition, sampling, _admissible(times_s, chosen))
-    values = _parameters(moments, composition, minimum(moments))
+    moments = Moments(pooled(chosen, omegas), composition, sampling, _time_bounds(times_s, chosen))
+    values = _parameters_of_solution(moments, composition, minimum(moments))
     values.flags.writeable = False
     axis = composition.axis(values)
     value = objective(axis, chosen, omegas, sampling)
@@ -189,9 +194,10 @@ def fit_alike(
     return fit(curves, composition, weights=weights, **options)
 
 
-def _chosen(
+def _select_levels(
     curves: Sequence[WaveletVariance], levels: Sequence[int] | None
 ) -> tuple[WaveletVariance, ...]:
+    """Return the curves with the levels to fit; UsageError where a curve has none of them."""
     if not curves:
         raise UsageError("no wavelet variance to fit; give at least one curve")
     if levels is None:
@@ -211,10 +217,10 @@ def _chosen(
     return tuple(curve.selected(list(levels)) for curve in curves)
 
 
-def _admissible(
+def _time_bounds(
     times_s: tuple[float, float] | None, curves: tuple[WaveletVariance, ...]
 ) -> tuple[float, float]:
-    """Bounds of the correlation times, s."""
+    """Return the bounds of the correlation times, s."""
     low = SHORTEST_SAMPLES / max(c.rate_hz for c in curves)
     high = LONGEST_LENGTHS * max(c.samples / c.rate_hz for c in curves)
     if times_s is None:
@@ -228,34 +234,41 @@ def _admissible(
     return shortest, min(longest, high)
 
 
-def _checked(weights: Sequence[Array], curves: tuple[WaveletVariance, ...]) -> tuple[Array, ...]:
+def _check_weights(
+    weights: Sequence[Array], curves: tuple[WaveletVariance, ...]
+) -> tuple[Array, ...]:
+    """Return symmetric weights (J, J) of each curve; UsageError for any that cannot be weights."""
     if len(weights) != len(curves):
         raise UsageError(
             f"{len(weights)} weight matrices for {len(curves)} curves; give one a curve"
         )
     checked = []
     for i, (omega, curve) in enumerate(zip(weights, curves, strict=True), start=1):
-        a, J = np.array(omega, dtype=np.float64), curve.level.size
-        if a.shape != (J, J):
+        matrix = np.array(omega, dtype=np.float64)
+        J = curve.level.size
+        if matrix.shape != (J, J):
             raise UsageError(
-                f"weights of curve {i}: shape {a.shape}, expected ({J}, {J}), its levels"
+                f"weights of curve {i}: shape {matrix.shape}, expected ({J}, {J}), its levels"
             )
-        size = np.sqrt(np.maximum(np.diag(a), 0.0))
+        root = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+        asymmetry = np.abs(matrix - matrix.T)
         if not (
-            np.isfinite(a).all()
-            and size.min() > 0.0
-            and (np.abs(a - a.T) <= 1e-6 * np.outer(size, size)).all()
+            np.isfinite(matrix).all()
+            and root.min() > 0.0
+            and (asymmetry <= _SYMMETRIC * np.outer(root, root)).all()
         ):
             raise UsageError(
                 f"weights of curve {i}: not a symmetric matrix of finite numbers with a positive"
                 " diagonal"
             )
-        checked.append(0.5 * (a + a.T))
+        checked.append(0.5 * (matrix + matrix.T))
     return tuple(checked)
 
 
-def _parameters(moments: Moments, composition: Composition, solution: MatchingSolution) -> Array:
-    """Parameters (p,), SI, in the order of the composition."""
+def _parameters_of_solution(
+    moments: Moments, composition: Composition, solution: MatchingSolution
+) -> Array:
+    """Return the parameters (p,), SI, in the order of the composition."""
     L = len(composition.linear)
     variance = solution.x * moments.length
     named = dict(zip(composition.linear, np.sqrt(variance[:L] / moments.norm), strict=True))
@@ -267,7 +280,9 @@ def _parameters(moments: Moments, composition: Composition, solution: MatchingSo
 
 
 def _at_bound(moments: Moments, composition: Composition, parameters: Array) -> tuple[str, ...]:
-    """Names of the parameters on the edge: times on a bound of the search, densities of zero."""
+    """Return the names of the parameters on the edge: times on a bound of the search, densities of
+    zero.
+    """
     valued = zip(composition.terms, parameters.tolist(), strict=True)
     return tuple(
         str(term)

@@ -54,40 +54,48 @@ def p_text(p: float) -> str:
     return "p < 1e-99" if p < 1e-99 else f"p = {p:.2g}"
 
 
+_SIGNIFICANCE = 0.05  # of a p-value, below which a model does not fit
+_NAMED_SCALES = 4  # that a sentence names (chosen)
+
+
 def goodness_of_fit(
     fitted: NoiseFit, linear: Linearised, resampled: Bootstrap | None = None
 ) -> GoodnessOfFit:
     """The J test of a fit, bootstrapped where there are re-fits."""
     from scipy.special import chdtrc
 
-    d = np.concatenate(fitted.residuals)
+    residual = np.concatenate(fitted.residuals)
     inside = ~np.isin(np.asarray(fitted.composition.parameters)[linear.free], fitted.at_bound)
     scatter, weight = linear.scatter(inside)
-    size, squares = float(weight.sum()), float((weight**2).sum())
-    statistic, degrees = fitted.objective * size / squares, size**2 / squares  # (J.1)
+    total = float(weight.sum())
+    squares = float((weight**2).sum())
+    statistic = fitted.objective * total / squares  # (J.1)
+    degrees = total**2 / squares
     p_value = float(chdtrc(degrees, statistic))
-    p, error, draws = math.nan, math.nan, 0
+    bootstrapped = error = math.nan
+    draws = 0
     if resampled is not None:
         draws = resampled.objective.size
-        p = (1.0 + float((resampled.objective >= fitted.objective).sum())) / (draws + 1.0)
-        error = math.sqrt(p * (1.0 - p) / draws)
+        bootstrapped = (1.0 + float((resampled.objective >= fitted.objective).sum())) / (
+            draws + 1.0
+        )
+        error = math.sqrt(bootstrapped * (1.0 - bootstrapped) / draws)
     ends = np.cumsum([c.level.size for c in fitted.curves])[:-1]
-    residuals = tuple(np.split(d / scatter, ends))
+    residuals = tuple(np.split(residual / scatter, ends))
     beyond_limits = [
         (abs(z), i, int(j))
-        for i, (c, r) in enumerate(zip(fitted.curves, residuals, strict=True))
-        for j, z in zip(c.level, r, strict=True)
+        for i, (curve, of_curve) in enumerate(zip(fitted.curves, residuals, strict=True))
+        for j, z in zip(curve.level, of_curve, strict=True)
         if abs(z) > _MISFIT_SIGMAS
     ]
     misfits = tuple((i, j) for _, i, j in sorted(beyond_limits, reverse=True))
-    sentence = _misfit_sentence(
-        fitted, statistic, degrees, p if resampled is not None else p_value, residuals, misfits
-    )
+    tested_p = p_value if resampled is None else bootstrapped
+    sentence = _misfit_sentence(fitted, statistic, degrees, tested_p, residuals, misfits)
     return GoodnessOfFit(
         statistic=statistic,
         degrees=degrees,
         p_value=p_value,
-        bootstrapped=p,
+        bootstrapped=bootstrapped,
         bootstrapped_error=error,
         draws=draws,
         residuals=residuals,
@@ -104,25 +112,24 @@ def _misfit_sentence(
     residuals: tuple[Array, ...],
     misfits: tuple[tuple[int, int], ...],
 ) -> str:
-    """Whether the model fits, and where not."""
+    """Return whether the model fits, and at which scales it does not, in words."""
     tested = f"J {J:.1f} for {degrees:.4g} degrees of freedom, {p_text(p)}"
-    if p >= 0.05:
+    if p >= _SIGNIFICANCE:
         return f"{fitted.composition} fits: {tested}"
     worst = []
-    for i, j in misfits[:4]:
+    for i, j in misfits[:_NAMED_SCALES]:
         k = int(np.flatnonzero(fitted.curves[i].level == j)[0])
         where = f"scale {fitted.curves[i].scale_s[k]:.3g} s"
         if len(fitted.curves) > 1:
             where += f" of curve {i + 1}"
         worst.append(f"{where} ({residuals[i][k]:+.1f} sigma)")
-    more = f" and {len(misfits) - 4} more" if len(misfits) > 4 else ""
-    where = (
-        f"worst at {', '.join(worst)}{more}"
-        if worst
-        else "no scale stands out, the misfit is spread"
-    )
-    advice = "take another model or leave these scales out" if worst else "take another model"
+    finding = "no scale stands out, the misfit is spread"
+    advice = "take another model"
+    if worst:
+        unnamed = len(misfits) - _NAMED_SCALES
+        finding = f"worst at {', '.join(worst)}" + (f" and {unnamed} more" if unnamed > 0 else "")
+        advice = "take another model or leave these scales out"
     return (
-        f"{fitted.composition} does not fit: {tested}; {where}; standard errors hold where a model"
-        f" fits, {advice}"
+        f"{fitted.composition} does not fit: {tested}; {finding}; standard errors hold where a"
+        f" model fits, {advice}"
     )

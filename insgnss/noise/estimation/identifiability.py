@@ -75,49 +75,56 @@ def verdicts(
 
     results : estimates of all parameters.   inverses : V^-1 of each curve at the fit, X^-4.
     """
-    smaller = _smaller(fitted, inverses)
+    smaller = _equivalent_smaller_fit(fitted, inverses)
     if smaller is None:
-        return _each(fitted, results, inverses)
+        return _verdicts_on_needed(fitted, results, inverses)
     processes = [p for p in fitted.composition.processes if p.kind == GAUSS_MARKOV]
-    least = min(processes, key=lambda process: _clearness(fitted, process, inverses))
+    weakest = min(processes, key=lambda process: _sigmas_from_zero(fitted, process, inverses))
     linear = Linearised(smaller, [np.asarray(np.linalg.inv(W)) for W in inverses])
-    inner = verdicts(smaller, estimates(smaller, linear, "profile")[0], inverses)
+    verdicts_of_smaller = verdicts(smaller, estimates(smaller, linear, "profile")[0], inverses)
     model = str(smaller.composition)
-    pairs = zip(inner, smaller.composition.processes, strict=True)
-    out = [_renumbered(*pair, least) for pair in pairs]
+    pairs = zip(verdicts_of_smaller, smaller.composition.processes, strict=True)
+    out = [_renumber_verdict(*pair, weakest) for pair in pairs]
     out = [replace(verdict, models=(model, *verdict.models)) for verdict in out]
-    out.insert(fitted.composition.processes.index(least), _superfluous(fitted, smaller, least))
+    out.insert(
+        fitted.composition.processes.index(weakest), _superfluous_verdict(fitted, smaller, weakest)
+    )
     return tuple(out)
 
 
-def _smaller(fitted: NoiseFit, inverses: Sequence[Array]) -> NoiseFit | None:
-    """The fit with one Gauss-Markov process less, where that is as good."""
+def _equivalent_smaller_fit(fitted: NoiseFit, inverses: Sequence[Array]) -> NoiseFit | None:
+    """Return the fit with one Gauss-Markov process less where that is as good, else None."""
     composition = fitted.composition
     if not composition.gauss_markov or composition.size == 2:
         return None
     fewer = replace(composition, gauss_markov=composition.gauss_markov - 1)
     larger_fit = fit_alike(fitted, fitted.curves, inverses)
-    one = fit_alike(fitted, fitted.curves, inverses, fewer)
-    return one if one.objective - larger_fit.objective < _SUPERFLUOUS else None
+    smaller_fit = fit_alike(fitted, fitted.curves, inverses, fewer)
+    return smaller_fit if smaller_fit.objective - larger_fit.objective < _SUPERFLUOUS else None
 
 
-def _renumbered(verdict: ProcessVerdict, process: NoiseTerm, least: NoiseTerm) -> ProcessVerdict:
-    """A verdict of the smaller model, without the process `least`, as one of the larger."""
-    if process.kind != GAUSS_MARKOV or process.number < least.number:
+def _renumber_verdict(
+    verdict: ProcessVerdict, process: NoiseTerm, removed: NoiseTerm
+) -> ProcessVerdict:
+    """Return a verdict of the model without the process `removed` as one of the larger model."""
+    if process.kind != GAUSS_MARKOV or process.number < removed.number:
         return verdict
-    new = replace(process, number=process.number + 1)
-    pairs = zip(process.parameters, new.parameters, strict=True)
+    renumbered = replace(process, number=process.number + 1)
+    pairs = zip(process.parameters, renumbered.parameters, strict=True)
     parameters = tuple(str(later) for term, later in pairs if str(term) in verdict.parameters)
-    return replace(verdict, process=str(new), name=_in_words(new), parameters=parameters)
+    return replace(
+        verdict, process=str(renumbered), name=_in_words(renumbered), parameters=parameters
+    )
 
 
 def _in_words(process: NoiseTerm) -> str:
+    """Return the name of a process, such as "Gauss-Markov 2" or "white noise"."""
     number = f" {process.number}" if process.kind == GAUSS_MARKOV else ""
     name = "Gauss-Markov" if process.kind == GAUSS_MARKOV else process.kind.replace("_", " ")
     return name + number
 
 
-def _superfluous(fitted: NoiseFit, smaller: NoiseFit, process: NoiseTerm) -> ProcessVerdict:
+def _superfluous_verdict(fitted: NoiseFit, smaller: NoiseFit, process: NoiseTerm) -> ProcessVerdict:
     times = ", ".join(f"{gm.correlation_time_s:.3g}" for gm in smaller.axis.gauss_markov)
     with_times = f" with {times} s" if times else ""
     about = _time_words(fitted, fitted.axis.gauss_markov[process.number - 1].correlation_time_s)
@@ -126,40 +133,41 @@ def _superfluous(fitted: NoiseFit, smaller: NoiseFit, process: NoiseTerm) -> Pro
         f" its driving noise mean nothing by themselves; take {smaller.composition}, record longer"
         " or add replicates"
     )
-    return _judged(process, "superfluous", conclusion)
+    return _verdict_on(process, "superfluous", conclusion)
 
 
 def _time_words(fitted: NoiseFit, time: float) -> str:
-    limit = LONGEST_SHARE * _length(fitted)
+    limit = LONGEST_SHARE * _longest_recording_s(fitted)
     return f"correlation time of {time:.3g} s" + (
         f", beyond a third of the recording, {limit:.3g} s," if time > limit else ""
     )
 
 
-def _each(
+def _verdicts_on_needed(
     fitted: NoiseFit, results: Sequence[NoiseEstimate], inverses: Sequence[Array]
 ) -> tuple[ProcessVerdict, ...]:
-    """Verdicts on processes that all are needed."""
+    """Return the verdicts on processes of which none is superfluous."""
     named = {e.name: e for e in results}
     out = []
     for process in fitted.composition.processes:
         parameters = [named[str(term)] for term in process.parameters]
         if process.kind == GAUSS_MARKOV:
             time, strength = parameters
-            out.append(_gauss_markov(fitted, process, time, strength, inverses))
+            out.append(_gauss_markov_verdict(fitted, process, time, strength, inverses))
             continue
         (strength,) = parameters
-        if why := _too_weak(fitted, process, strength, inverses):
-            out.append(_not_identifiable(process, why))
+        reason = _reason_too_weak(fitted, process, strength, inverses)
+        if reason:
+            out.append(_not_identifiable(process, reason))
         else:
-            out.append(_judged(process, "", f"is determined to {_percent(strength)}", strength))
+            out.append(_verdict_on(process, "", f"is determined to {_percent(strength)}", strength))
     return tuple(out)
 
 
-def _judged(
+def _verdict_on(
     process: NoiseTerm, reason: str, conclusion: str, *determined: NoiseEstimate
 ) -> ProcessVerdict:
-    """The verdict on a process; `determined` are the parameters that are so all the same."""
+    """Return the verdict on a process; `determined` are its parameters that are determined."""
     parameters = tuple(estimate.name for estimate in determined)
     return ProcessVerdict(
         str(process), not reason, reason, _in_words(process), conclusion, parameters
@@ -167,36 +175,36 @@ def _judged(
 
 
 def _not_identifiable(process: NoiseTerm, why: str) -> ProcessVerdict:
-    return _judged(
+    return _verdict_on(
         process, "strength", f"is not identifiable: {why}; leave it out or record longer"
     )
 
 
-def _gauss_markov(
+def _gauss_markov_verdict(
     fitted: NoiseFit,
     term: NoiseTerm,
     time: NoiseEstimate,
     strength: NoiseEstimate,
     inverses: Sequence[Array],
 ) -> ProcessVerdict:
-    limit, interval_s = LONGEST_SHARE * _length(fitted), 1.0 / max(c.rate_hz for c in fitted.curves)
-    if why := _too_weak(fitted, term, strength, inverses):
-        return _not_identifiable(term, why)
+    limit = LONGEST_SHARE * _longest_recording_s(fitted)
+    interval_s = 1.0 / max(curve.rate_hz for curve in fitted.curves)
+    reason = _reason_too_weak(fitted, term, strength, inverses)
+    if reason:
+        return _not_identifiable(term, reason)
     if time.value > limit or time.high_99 > limit:
         top = f"{time.high_99:.3g} s" if math.isfinite(time.high_99) else "any length"
         longer = 3.0 * max(time.value, limit)
-        advice = (
-            f"add replicates, record longer than {longer:.3g} s"
-            if math.isfinite(time.high_99)
-            else "record several times longer"
-        )
+        advice = "record several times longer"
+        if math.isfinite(time.high_99):
+            advice = f"add replicates, record longer than {longer:.3g} s"
         conclusion = (
             f"is not identifiable: its correlation time is {time.value:.3g} s, from"
             f" {time.low:.3g} s to {top}, and a third of the recording is {limit:.3g} s; its"
             f" driving noise is known to {_percent(strength)}; {advice} or take a random walk"
             " for it"
         )
-        return _judged(term, "long", conclusion, strength)
+        return _verdict_on(term, "long", conclusion, strength)
     if time.low < SHORTEST_SHARE * interval_s:
         conclusion = (
             f"is not identifiable: its correlation time is {time.value:.3g} s, from"
@@ -204,28 +212,28 @@ def _gauss_markov(
             f" {SHORTEST_SHARE * interval_s:.3g} s, it is white noise; record at a higher rate or"
             " leave it out"
         )
-        return _judged(term, "short", conclusion)
+        return _verdict_on(term, "short", conclusion)
     conclusion = (
         f"is determined: {time.value:.3g} s ({time.low:.3g} to {time.high:.3g} s), driving"
         f" noise to {_percent(strength)}"
     )
-    return _judged(term, "", conclusion, time, strength)
+    return _verdict_on(term, "", conclusion, time, strength)
 
 
-def _too_weak(
+def _reason_too_weak(
     fitted: NoiseFit, process: NoiseTerm, strength: NoiseEstimate, inverses: Sequence[Array]
 ) -> str:
-    """Why the strength of a process cannot be distinguished from zero, or nothing."""
+    """Return why the strength of a process cannot be distinguished from zero, "" where it can."""
     kind = "driving noise" if process.kind == GAUSS_MARKOV else "density"
     if strength.value == 0.0:
-        return "the best fit sets it to zero" + (
-            ""
-            if math.isfinite(strength.high)
-            else f", and the interval of its {kind} has no upper end"
-        )
-    if (clear := _clearness(fitted, process, inverses)) < _CLEAR_SIGMAS:
+        reason = "the best fit sets it to zero"
+        if not math.isfinite(strength.high):
+            reason += f", and the interval of its {kind} has no upper end"
+        return reason
+    sigmas = _sigmas_from_zero(fitted, process, inverses)
+    if sigmas < _CLEAR_SIGMAS:
         return (
-            f"its part of the wavelet variance is {clear:.2g} standard deviations over all scales,"
+            f"its part of the wavelet variance is {sigmas:.2g} standard deviations over all scales,"
             f" less than {_CLEAR_SIGMAS}"
         )
     if strength.low == 0.0:
@@ -233,20 +241,22 @@ def _too_weak(
     return ""
 
 
-def _clearness(fitted: NoiseFit, process: NoiseTerm, inverses: Sequence[Array]) -> float:
-    """sqrt(p' V^-1 p) over all curves, p the wavelet variance of the process: its size in standard
-    deviations if the rest were known.
+def _sigmas_from_zero(fitted: NoiseFit, process: NoiseTerm, inverses: Sequence[Array]) -> float:
+    """Return sqrt(p' V^-1 p) over all curves, p the wavelet variance of the process.
+
+    It is the size of the process in standard deviations if the others were known.
     """
     total = 0.0
     for curve, W in zip(fitted.curves, inverses, strict=True):
-        parts = haar_variance_parts(fitted.axis, curve.level, curve.rate_hz, fitted.sampling)
-        p = parts[str(process)]
+        p = haar_variance_parts(fitted.axis, curve.level, curve.rate_hz, fitted.sampling)[
+            str(process)
+        ]
         total += float(p @ W @ p)
     return math.sqrt(total)
 
 
-def _length(fitted: NoiseFit) -> float:
-    """Of the longest recording, s."""
+def _longest_recording_s(fitted: NoiseFit) -> float:
+    """Return the duration of the longest recording, s."""
     return max(c.samples / c.rate_hz for c in fitted.curves)
 
 

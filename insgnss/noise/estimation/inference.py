@@ -81,17 +81,21 @@ def covariances(fitted: NoiseFit) -> tuple[Array, ...]:
     return tuple(out)
 
 
+_FEWEST_DRAWS = 20  # of which the ends of a 95 % interval can be taken at all
+
+
 def inverse(V: Array) -> Array:
-    """V^-1 of a covariance matrix (J, J) of any magnitude; an all-NaN matrix where its correlations
-    are singular to ten digits.
+    """Return V^-1 of a covariance matrix (J, J) of any magnitude.
+
+    It is all NaN where the correlations are singular to ten digits.
     """
-    size = np.sqrt(np.diag(V))
-    if not (np.isfinite(V).all() and size.min() > 0.0):
+    sigma = np.sqrt(np.diag(V))
+    if not (np.isfinite(V).all() and sigma.min() > 0.0):
         return np.full(V.shape, np.nan)
-    R = V / np.outer(size, size)
+    R = V / np.outer(sigma, sigma)
     if not 0.0 < np.linalg.cond(R) < _LARGEST_CONDITION or np.linalg.eigvalsh(R)[0] <= 0.0:
         return np.full(V.shape, np.nan)
-    W = np.linalg.inv(R) / np.outer(size, size)
+    W = np.linalg.inv(R) / np.outer(sigma, sigma)
     return np.asarray(0.5 * (W + W.T))
 
 
@@ -119,19 +123,21 @@ def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str,
                 f"{which} is singular at step {step}; the weights of the previous step are kept",
                 True,
             )
-        scored_fits += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
+        if step > 1:
+            scored_fits.append((_pseudo_likelihood(fitted, V, weights), fitted))
         if step <= iterations:
-            after = fit_alike(first, first.curves, weights)
+            refitted = fit_alike(first, first.curves, weights)
         else:
-            after = polished(fitted, weights)
-        moved, fitted = _distance(fitted, after), after
+            refitted = polished(fitted, weights)
+        moved = _distance(fitted, refitted)
+        fitted = refitted
         if moved < _SETTLED:
             return fitted, f"efficient weights, settled after {step} steps", True
     return fitted, f"efficient weights, not settled after {2 * iterations} steps", False
 
 
 def _pseudo_likelihood(fitted: NoiseFit, V: Sequence[Array], weights: Sequence[Array]) -> float:
-    """(I.1) of a fit with V and V^-1 at the fit itself."""
+    """Return (I.1) of a fit with V and V^-1 at the fit itself."""
     rows = zip(fitted.residuals, V, weights, strict=True)
     return sum(float(np.linalg.slogdet(block)[1] + d @ W @ d) for d, block, W in rows)
 
@@ -143,9 +149,9 @@ def efficient(first: NoiseFit, *, iterations: int = 8) -> NoiseFit:
     return second_step(first, iterations=iterations)[0]
 
 
-def _distance(before: NoiseFit, after: NoiseFit) -> float:
+def _distance(previous: NoiseFit, refitted: NoiseFit) -> float:
     """Distance of the modelled wavelet variances in standard deviations of all moments together."""
-    pairs = zip(before.modelled, after.modelled, after.weights, strict=True)
+    pairs = zip(previous.modelled, refitted.modelled, refitted.weights, strict=True)
     return math.sqrt(max(sum(float((a - b) @ W @ (a - b)) for a, b, W in pairs), 0.0))
 
 
@@ -162,7 +168,7 @@ def infer(fitted: NoiseFit, *, intervals: str = "auto", draws: int = 0, seed: in
     """
     if intervals not in INTERVALS:
         raise UsageError(f"intervals {intervals!r} are none of {', '.join(INTERVALS)}")
-    if intervals == "bootstrap" and draws < 20:
+    if intervals == "bootstrap" and draws < _FEWEST_DRAWS:
         raise UsageError(f"{draws} draws for bootstrapped intervals; give 100 or more")
     V = covariances(fitted)
     if not all(np.diag(block).all() for block in V):
@@ -187,11 +193,12 @@ def infer(fitted: NoiseFit, *, intervals: str = "auto", draws: int = 0, seed: in
 
 
 def is_efficient(fitted: NoiseFit, V: Sequence[Array]) -> bool:
-    """Whether the weights are the inverse of V to a factor of two in every direction."""
+    """Return whether the weights are the inverse of V to a factor of two in every direction."""
     for omega, block in zip(fitted.weights, V, strict=True):
-        size = np.sqrt(np.diag(block))
-        root = np.linalg.cholesky(omega * np.outer(size, size))
-        ratio = np.linalg.eigvalsh(root.T @ (block / np.outer(size, size)) @ root)
+        sigma = np.sqrt(np.diag(block))
+        scale = np.outer(sigma, sigma)
+        root = np.linalg.cholesky(omega * scale)
+        ratio = np.linalg.eigvalsh(root.T @ (block / scale) @ root)
         if not (ratio[0] > 0.5 and ratio[-1] < 2.0):
             return False
     return True

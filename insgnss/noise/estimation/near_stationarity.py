@@ -25,6 +25,8 @@ from .goodness import p_text
 from .inference import covariances, efficient
 from .selection import recording_numbers
 
+_SIGNIFICANCE = 0.05  # of a p-value, below which one parameter set does not serve all
+
 
 @dataclass(frozen=True, eq=False)
 class NearStationarity:
@@ -66,9 +68,10 @@ class NearStationarity:
         return self.in_words([f"recording {k + 1}" for k in range(self.shares.size)])
 
     def in_words(self, names: Sequence[str]) -> str:
-        """The verdict, with the names of the recordings."""
-        p, count = self.bootstrapped if self.draws else self.p_value, len(names)
-        if p >= 0.05:
+        """Return the verdict, with the names of the recordings."""
+        p = self.bootstrapped if self.draws else self.p_value
+        count = len(names)
+        if p >= _SIGNIFICANCE:
             return (
                 f"one parameter set serves all {count} recordings: they fit together"
                 f" {self.statistic:.1f} worse than singly, {p_text(p)}"
@@ -117,23 +120,23 @@ def near_stationarity(
     if np.unique(groups).size < 2:
         raise UsageError("one recording; near-stationarity is a comparison of two or more")
     joint = efficient(joint)
-    statistic, shares, single = _excess(joint, groups)
+    statistic, shares, single = _compare_with_single_fits(joint, groups)
     degrees = joint.composition.size * (len(single) - 1)
-    p, error = math.nan, math.nan
+    bootstrapped = error = math.nan
     if draws:
         null = [
-            _excess(fit_alike(joint, curves, joint.weights), groups)[0]
+            _compare_with_single_fits(fit_alike(joint, curves, joint.weights), groups)[0]
             for curves in redrawn(joint, draw_variances(joint, draws, seed=seed))
         ]
-        p = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
-        error = math.sqrt(p * (1.0 - p) / draws)
+        bootstrapped = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
+        error = math.sqrt(bootstrapped * (1.0 - bootstrapped) / draws)
     asymptotic = float(chdtrc(degrees, statistic))
-    spread = _spread(joint, single, groups)
+    spread = _scatter_of_parameters(joint, single, groups)
     return NearStationarity(
         statistic=statistic,
         degrees=degrees,
         p_value=asymptotic,
-        bootstrapped=p,
+        bootstrapped=bootstrapped,
         bootstrapped_error=error,
         draws=draws,
         shares=shares,
@@ -143,7 +146,9 @@ def near_stationarity(
     )
 
 
-def _excess(joint: NoiseFit, groups: np.ndarray) -> tuple[float, Array, tuple[NoiseFit, ...]]:
+def _compare_with_single_fits(
+    joint: NoiseFit, groups: np.ndarray
+) -> tuple[float, Array, tuple[NoiseFit, ...]]:
     """Return S (S.3), its share (R,) by recording, and the single fits.
 
     These have the weights of the joint fit.
@@ -151,25 +156,27 @@ def _excess(joint: NoiseFit, groups: np.ndarray) -> tuple[float, Array, tuple[No
     single, shares = [], []
     for recording in np.unique(groups):
         members = np.flatnonzero(groups == recording)
-        curves, weights = [joint.curves[i] for i in members], [joint.weights[i] for i in members]
+        curves = [joint.curves[i] for i in members]
+        weights = [joint.weights[i] for i in members]
         single_fit = fit_alike(joint, curves, weights)
         single.append(single_fit)
         shares.append(objective(joint.axis, curves, weights, joint.sampling) - single_fit.objective)
     return float(np.sum(shares)), np.array(shares), tuple(single)
 
 
-def _spread(
+def _scatter_of_parameters(
     joint: NoiseFit, single: tuple[NoiseFit, ...], groups: np.ndarray
 ) -> tuple[tuple[str, float, float], ...]:
+    """Return of each parameter its name and the scatter of its logarithm, found and expected."""
     out = []
     V = covariances(joint)
     members = np.flatnonzero(groups == groups[0])
-    alone = replace(
+    of_first_recording = replace(
         joint,
         curves=tuple(joint.curves[i] for i in members),
         weights=tuple(joint.weights[i] for i in members),
     )
-    linear = Linearised(alone, [V[i] for i in members])
+    linear = Linearised(of_first_recording, [V[i] for i in members])
     expected = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     for i, name in enumerate(joint.composition.parameters):
         values = [f.parameters[i] for f in single if name not in f.at_bound]

@@ -119,15 +119,17 @@ class Ranking:
         rows = [
             f"{'model':<16}{'par':>4}{'Q':>10}{'WIC':>10}{'diff':>9}{'CV':>10}{'J p':>8}  remarks"
         ]
-        for c in self.candidates:
-            mark = "* " if c is self.chosen else "= " if c.equivalent else "  "
-            cv = "" if c.held_out is None else f"{c.cross_validated:.4g}"
-            rows.append(
-                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}"
-                f"{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}{c.p_value:>8.2g}"
-                f"  {'; '.join(c.remarks)}".rstrip()
-            )
+        for model in self.candidates:
+            mark = "* " if model is self.chosen else "= " if model.equivalent else "  "
+            cv = "" if model.held_out is None else f"{model.cross_validated:.4g}"
+            row = f"{mark + str(model.composition):<16}{model.composition.size:>4}"
+            row += f"{model.fit.objective:>10.4g}{model.wic:>10.4g}{model.difference:>9.3g}{cv:>10}"
+            rows.append(f"{row}{model.p_value:>8.2g}  {'; '.join(model.remarks)}".rstrip())
         return "\n".join(rows)
+
+
+_RIDGE = 1e-12  # added to a normal matrix of unit diagonal, that rounding makes none indefinite
+_EQUAL = 1e-9  # relative difference of objectives that are the same but for rounding
 
 
 def rank(
@@ -190,18 +192,16 @@ def rank(
     reference = fit(curves, largest, sampling=sampling)
     reference = efficient(reference) if weights == "efficient" else reference
     V = covariances(reference)
-    Omega = (
-        tuple(inverse(block) for block in V)
-        if weights == "efficient"
-        else tuple(interval_weights(c) for c in curves)
-    )
+    Omega = tuple(inverse(block) for block in V)
+    if weights == "interval":
+        Omega = tuple(interval_weights(curve) for curve in curves)
     if not all(np.isfinite(W).all() for W in Omega):
         raise UsageError(
             "the covariance of the wavelet variances is singular; take weights='interval'"
         )
     drawn = tuple(redrawn(reference, draw_variances(reference, draws, seed=seed))) if draws else ()
     candidates = [
-        _candidate(curves, c, Omega, V, groups, sampling, drawn) for c in through(compositions)
+        _evaluate_model(curves, c, Omega, V, groups, sampling, drawn) for c in through(compositions)
     ]
     if not below_a_sample:
         candidates = [c for c in candidates if not _has_process_below_sampling(c.fit)] or candidates
@@ -232,6 +232,7 @@ def recording_numbers(
 def _compositions(
     models: Composition | str | Sequence[Composition | str],
 ) -> tuple[Composition, ...]:
+    """Return the models to rank: those named, or all that the one named contains."""
     if isinstance(models, str | Composition):
         return families(Composition.parse(models) if isinstance(models, str) else models)
     compositions = tuple(
@@ -242,7 +243,7 @@ def _compositions(
     return compositions
 
 
-def _candidate(
+def _evaluate_model(
     curves: tuple[WaveletVariance, ...],
     composition: Composition,
     Omega: tuple[Array, ...],
@@ -251,19 +252,18 @@ def _candidate(
     sampling: Sampling,
     drawn: tuple[tuple[WaveletVariance, ...], ...],
 ) -> CandidateModel:
+    """Fit one model with the weights Omega and compute its criteria, J test and remarks."""
     fitted = fit(curves, composition, weights=Omega, sampling=sampling)
     linear = Linearised(fitted, V)
     optimism = _drawn_optimism(fitted, drawn) if drawn else closed_optimism(fitted, linear)
     test = goodness_of_fit(fitted, linear)
-    held_out = _held_out(fitted, groups) if np.unique(groups).size > 1 else None
+    held_out = _held_out_objectives(fitted, groups) if np.unique(groups).size > 1 else None
     remarks = [f"{name} at its edge".replace("_", " ") for name in fitted.at_bound]
     if test.p_value < _SIGNIFICANCE and test.misfits:
         i, level = test.misfits[0]
         scale_s = 2.0**level / curves[i].rate_hz
-        remarks.append(
-            f"misfit, worst at scale {scale_s:.3g} s"
-            + (f" of curve {i + 1}" if len(curves) > 1 else "")
-        )
+        of_curve = f" of curve {i + 1}" if len(curves) > 1 else ""
+        remarks.append(f"misfit, worst at scale {scale_s:.3g} s{of_curve}")
     errors = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     determined = not fitted.at_bound and bool((errors < _FACTOR_E).all())
     return CandidateModel(
@@ -280,7 +280,9 @@ def _candidate(
 
 
 def closed_optimism(fitted: NoiseFit, linear: Linearised) -> float:
-    """Penalty of (S.2); second derivatives by central differences of the analytic first ones."""
+    """Return the penalty (S.2); second derivatives by central differences of the analytic first
+    ones.
+    """
     inside = np.flatnonzero(~np.isin(fitted.composition.parameters, fitted.at_bound))
     gap = linear.Omega @ np.concatenate(fitted.residuals)
     D = linear.local.derivative(linear.x)[:, inside]
@@ -289,20 +291,19 @@ def closed_optimism(fitted: NoiseFit, linear: Linearised) -> float:
     for column, i in enumerate(inside):
         step = np.zeros(linear.x.size)
         step[i] = _DERIVATIVE_STEP
-        ahead, behind = (linear.local.derivative(linear.x + s)[:, inside] for s in (step, -step))
-        H[:, column] -= (ahead - behind).T @ gap / (2.0 * _DERIVATIVE_STEP)
-    size = np.sqrt(np.diag(A))
-    L = np.linalg.cholesky(A / np.outer(size, size) + 1e-12 * np.eye(size.size))
-    scaled = np.linalg.solve(L, np.linalg.solve(L, 0.5 * (H + H.T) / np.outer(size, size)).T)
+        plus, minus = (linear.local.derivative(linear.x + s)[:, inside] for s in (step, -step))
+        H[:, column] -= (plus - minus).T @ gap / (2.0 * _DERIVATIVE_STEP)
+    root = np.sqrt(np.diag(A))
+    L = np.linalg.cholesky(A / np.outer(root, root) + _RIDGE * np.eye(root.size))
+    scaled = np.linalg.solve(L, np.linalg.solve(L, 0.5 * (H + H.T) / np.outer(root, root)).T)
     curvature, E = np.linalg.eigh(0.5 * (scaled + scaled.T))
-    F = E.T @ np.linalg.solve(L, (D / size).T @ linear.Omega)
-    return 2.0 * float(
-        np.sum(np.einsum("ij,jk,ik->i", F, linear.V, F) / np.maximum(curvature, _LEAST_CURVATURE))
-    )
+    F = E.T @ np.linalg.solve(L, (D / root).T @ linear.Omega)
+    traces = np.einsum("ij,jk,ik->i", F, linear.V, F)
+    return 2.0 * float(np.sum(traces / np.maximum(curvature, _LEAST_CURVATURE)))
 
 
 def _drawn_optimism(fitted: NoiseFit, drawn: tuple[tuple[WaveletVariance, ...], ...]) -> float:
-    """Penalty (S.1) over re-fits with the same weights."""
+    """Return the penalty (S.1) over re-fits with the same weights."""
     fits = [fit_alike(fitted, curves, fitted.weights) for curves in drawn]
     total = 0.0
     for i, Omega in enumerate(fitted.weights):
@@ -312,28 +313,32 @@ def _drawn_optimism(fitted: NoiseFit, drawn: tuple[tuple[WaveletVariance, ...], 
     return 2.0 * total
 
 
-def _held_out(fitted: NoiseFit, groups: np.ndarray) -> Array:
-    """(R,) objective on each recording of the fit to all others."""
+def _held_out_objectives(fitted: NoiseFit, groups: np.ndarray) -> Array:
+    """Return the objective (R,) on each recording of the fit to all others."""
     out = []
     for recording in np.unique(groups):
-        inside, outside = np.flatnonzero(groups != recording), np.flatnonzero(groups == recording)
-        weights = [fitted.weights[i] for i in inside]
-        refitted = fit_alike(fitted, [fitted.curves[i] for i in inside], weights)
-        curves = [fitted.curves[i] for i in outside]
-        weights = [fitted.weights[i] for i in outside]
-        out.append(objective(refitted.axis, curves, weights, fitted.sampling))
+        members = np.flatnonzero(groups != recording)
+        weights = [fitted.weights[i] for i in members]
+        refitted = fit_alike(fitted, [fitted.curves[i] for i in members], weights)
+        held_out = np.flatnonzero(groups == recording)
+        curves = [fitted.curves[i] for i in held_out]
+        held_out_weights = [fitted.weights[i] for i in held_out]
+        out.append(objective(refitted.axis, curves, held_out_weights, fitted.sampling))
     return np.array(out)
 
 
 def _ranked(candidates: list[CandidateModel], criterion: str) -> Ranking:
+    """Order the candidates by the criterion, mark those equivalent to the best and choose one."""
+
     def key(c: CandidateModel) -> tuple[float, int]:
         value = c.cross_validated if criterion == "CVWVIC" else c.wic
         return float(f"{value:.9g}"), c.composition.size  # equal to rounding: the smaller first
 
-    least, best = min(c.wic for c in candidates), min(candidates, key=key)
-    equivalent = _indistinguishable if criterion == "CVWVIC" else _within
+    least_wic = min(candidate.wic for candidate in candidates)
+    best = min(candidates, key=key)
+    equivalent = _indistinguishable if criterion == "CVWVIC" else _is_within_wic
     marked = [
-        replace(c, difference=c.wic - least, equivalent=c is best or equivalent(c, best))
+        replace(c, difference=c.wic - least_wic, equivalent=c is best or equivalent(c, best))
         for c in sorted(candidates, key=key)
     ]
     chosen = min(
@@ -343,23 +348,22 @@ def _ranked(candidates: list[CandidateModel], criterion: str) -> Ranking:
     return Ranking(tuple(marked), criterion, chosen)
 
 
-def _within(candidate: CandidateModel, best: CandidateModel) -> bool:
+def _is_within_wic(candidate: CandidateModel, best: CandidateModel) -> bool:
     return candidate.wic - best.wic < _WITHIN
 
 
 def _indistinguishable(candidate: CandidateModel, best: CandidateModel) -> bool:
-    """Whether Wilcoxon's signed-rank test over the recordings left out keeps the hypothesis that a
-    model is as good as the best.
+    """Return whether a model is as good as the best by Wilcoxon's signed-rank test.
+
+    The test is over the recordings left out, at `_SIGNIFICANCE`.
     """
     from scipy.stats import wilcoxon
 
     if (
         candidate.held_out is None
         or best.held_out is None
-        or np.allclose(candidate.held_out, best.held_out, rtol=1e-9)
+        or np.allclose(candidate.held_out, best.held_out, rtol=_EQUAL)
     ):
         return True
-    return (
-        float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue)
-        > _SIGNIFICANCE
-    )
+    test = wilcoxon(candidate.held_out, best.held_out, alternative="greater")
+    return float(test.pvalue) > _SIGNIFICANCE

@@ -66,13 +66,13 @@ def haar_variance(
 def haar_variance_parts(
     axis: AxisNoise, level: ArrayLike, rate_hz: float, sampling: Sampling = "point"
 ) -> dict[str, Array]:
-    """The same by process: "white_noise", "quantization", "random_walk", "drift", "gauss_markov_1",
-    ..., those that the axis has.
+    """Return the Haar wavelet variances, X^2, by process: "white_noise", "quantization",
+    "random_walk", "drift", "gauss_markov_1", ..., those that the axis has.
     """
     levels = np.asarray(level, float)
-    wrong = levels[~((levels >= 1.0) & (levels == np.floor(levels)) & np.isfinite(levels))]
-    if wrong.size:
-        raise UsageError(f"level {wrong.flat[0]:g}; give whole numbers from 1")
+    invalid = levels[~((levels >= 1.0) & (levels == np.floor(levels)) & np.isfinite(levels))]
+    if invalid.size:
+        raise UsageError(f"level {invalid.flat[0]:g}; give whole numbers from 1")
     m, point = 2.0 ** (levels - 1.0), is_point(sampling)
     check_rate(rate_hz)
     parts = {}
@@ -86,6 +86,6 @@ def haar_variance_parts(
     if axis.drift:
         parts["drift"] = 0.25 * (axis.drift / rate_hz * m) ** 2
     for i, process in enumerate(axis.gauss_markov, start=1):
-        unit, _ = gauss_markov_haar(process.correlation_time_s * rate_hz, levels, sampling)
-        parts[f"gauss_markov_{i}"] = process.sigma**2 * unit
+        unit_variance, _ = gauss_markov_haar(process.correlation_time_s * rate_hz, levels, sampling)
+        parts[f"gauss_markov_{i}"] = process.sigma**2 * unit_variance
     return parts

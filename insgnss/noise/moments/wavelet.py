@@ -142,7 +142,7 @@ def wavelet_variance(
         variance, np.maximum(count / 2.0**level, 1.0) if overlap else count.astype(np.float64)
     )
     if robust:
-        estimate = _robust(s, m, stride, count, efficiency)
+        estimate = _robust_variances(s, m, stride, count, efficiency)
         low, high = _robust_interval(estimate, low / variance, high / variance, efficiency)
         variance = estimate
     return WaveletVariance(
@@ -197,9 +197,16 @@ def in_threads(work: Callable[[int], Any], count: int) -> tuple[Any, ...]:
         return tuple(pool.map(work, range(count)))
 
 
+_SCANNED = 100  # factors k of a scan for the solution (chosen)
+_NEWTON_STEPS, _STRIDE = 30, 0.3  # at most, and the largest of log k (chosen)
+_CONVERGED = 1e-12  # relative, of a solution k: rounding
+_TOP_TOLERANCE = 1e-6  # relative, of the k of a maximum: there the mean is flat
+
+
 def cumulated(x: ArrayLike, rate_hz: float) -> Array:
-    """(n + 1,) cumulated sum of x (n,) less its mean, from 0; refuses what no variance can be taken
-    of (see `wavelet_variance`).
+    """Return the cumulated sum (n + 1,) of x (n,) less its mean, from 0.
+
+    It refuses series of which no variance can be taken (see `wavelet_variance`).
     """
     series = np.asarray(x, dtype=np.float64)
     if not (0.0 < rate_hz < math.inf):
@@ -211,16 +218,16 @@ def cumulated(x: ArrayLike, rate_hz: float) -> Array:
             f"{series.size} samples; at least 4 are needed, and hours of them for slow processes"
         )
     s = np.empty(series.size + 1)
-    total, same = copy_sum(series, s)
+    total, is_constant = copy_sum(series, s)
     if not math.isfinite(total):
-        bad = ~np.isfinite(series)
-        if not bad.any():
+        not_finite = ~np.isfinite(series)
+        if not not_finite.any():
             raise InputError(f"samples of up to {np.abs(series).max():g} overflow; check the unit")
         raise InputError(
-            f"sample {int(np.argmax(bad)) + 1} of {series.size} is {series[np.argmax(bad)]}; fill"
-            " or cut such gaps first"
+            f"sample {int(np.argmax(not_finite)) + 1} of {series.size} is"
+            f" {series[np.argmax(not_finite)]}; fill or cut such gaps first"
         )
-    if same:
+    if is_constant:
         raise DataError(
             f"all {series.size} samples are {series[0]:g}, a dead channel; choose the columns that"
             " hold the sensor"
@@ -245,14 +252,14 @@ def _robust_interval(
     return bottom, estimate * (1.0 + (high - 1.0) * wider)
 
 
-def _robust(
+def _robust_variances(
     s: Array,
     m: NDArray[np.int64],
     stride: NDArray[np.int64],
     count: NDArray[np.int64],
     efficiency: float,
 ) -> Array:
-    """(J,) the solutions of (W.4)."""
+    """Return the solutions (J,), X^2, of (W.4)."""
     c, a = biweight_constants(efficiency)
     squares = np.empty(count[0])
     out = np.empty(m.size)
@@ -263,8 +270,8 @@ def _robust(
     return out
 
 
-def _biweight_scale(q: Array, wanted: float, level: int) -> float:
-    """1/k for the smallest k that makes the mean of y (1 - y)^4, y = k q, equal to `wanted`.
+def _biweight_scale(q: Array, target: float, level: int) -> float:
+    """Return 1/k for the smallest k that makes the mean of y (1 - y)^4, y = k q, equal to `target`.
 
     The mean rises with k from zero, may rise and fall for outliers, rises when the bulk of the
     coefficients comes near y = 1/5, where its top is, and falls. A scan of some coefficients from
@@ -272,45 +279,48 @@ def _biweight_scale(q: Array, wanted: float, level: int) -> float:
     of them the solution. Few independent coefficients, at the longest scales, may leave none: then
     the nearest k.
     """
-    some = q[:: -(-q.size // _SAMPLE)].copy()
-    if (middle := float(np.median(some))) == 0.0:
+    subsample = q[:: -(-q.size // _SAMPLE)].copy()
+    middle = float(np.median(subsample))
+    if middle == 0.0:
         raise DataError(
             f"level {level}: most coefficients are zero, as of a coarsely quantized channel, so"
             " that the robust variance does not exist; leave out robust"
         )
-    k = np.geomspace(low := wanted / float(some.mean()), max(2.0 * low, 1.0 / middle), 100)
-    value = np.array([biweight_mean(some, each)[0] for each in k])
-    first = int(np.argmax(value >= wanted)) or int(np.argmax(value))
-    solution = _newton(q, k[first], wanted)
-    return 1.0 / (
-        _bracketed(q, k[max(first - 1, 0)], k[min(first + 1, 99)], wanted)
-        if solution is None
-        else solution
-    )
+    lowest = target / float(subsample.mean())
+    k = np.geomspace(lowest, max(2.0 * lowest, 1.0 / middle), _SCANNED)
+    value = np.array([biweight_mean(subsample, trial)[0] for trial in k])
+    i = int(np.argmax(value >= target)) or int(np.argmax(value))
+    solution = _solve_by_newton(q, k[i], target)
+    if solution is None:
+        solution = _solve_in_bracket(q, k[max(i - 1, 0)], k[min(i + 1, _SCANNED - 1)], target)
+    return 1.0 / solution
 
 
-def _newton(q: Array, k: float, wanted: float) -> float | None:
-    """The k near the given one at which the mean of `biweight_mean` rises through `wanted`; None
-    where it does not.
+def _solve_by_newton(q: Array, k: float, target: float) -> float | None:
+    """Return the k near a first one at which the mean of `biweight_mean` rises through `target`.
+
+    It is None where the mean does not rise.
     """
-    for _ in range(30):
+    for _ in range(_NEWTON_STEPS):
         value, slope = biweight_mean(q, k)
         if slope <= 0.0:
             return None
-        step = min(max((wanted - value) / slope, -0.3), 0.3)
+        step = min(max((target - value) / slope, -_STRIDE), _STRIDE)
         k *= math.exp(step)
-        if abs(step) < 1e-12:
+        if abs(step) < _CONVERGED:
             return k
     return None
 
 
-def _bracketed(q: Array, low: float, high: float, wanted: float) -> float:
-    """The same between `low` and `high`; where the mean stays below `wanted`, the k of its top."""
+def _solve_in_bracket(q: Array, low: float, high: float, target: float) -> float:
+    """Return the k from `low` to `high` at which the mean is `target`, or the k of its maximum."""
     from scipy.optimize import brentq, fminbound
 
-    top = float(fminbound(lambda k: -biweight_mean(q, k)[0], low, high, xtol=1e-6 * low))
-    if biweight_mean(q, low)[0] < wanted <= biweight_mean(q, top)[0]:
-        return float(brentq(lambda k: biweight_mean(q, k)[0] - wanted, low, top, xtol=1e-12 * low))
+    top = float(fminbound(lambda k: -biweight_mean(q, k)[0], low, high, xtol=_TOP_TOLERANCE * low))
+    if biweight_mean(q, low)[0] < target <= biweight_mean(q, top)[0]:
+        return float(
+            brentq(lambda k: biweight_mean(q, k)[0] - target, low, top, xtol=_CONVERGED * low)
+        )
     return top
 
 
@@ -335,12 +345,13 @@ def biweight_constants(efficiency: float) -> tuple[float, float]:
 
 
 def _biweight_moments(c: float) -> tuple[float, float, float]:
-    """E psi, E psi^2 and E[(r^2 - 1) psi] of a standard normal r (W.5)."""
+    """Return E psi, E psi^2 and E[(r^2 - 1) psi] of a standard normal r (W.5)."""
     from scipy.special import binom, gammainc
 
     k = np.arange(1, 11)
     moment = np.cumprod(2.0 * k - 1.0) * gammainc(k + 0.5, 0.5 * c * c)  # mu_2, mu_4, ..., mu_20
     power = (-1.0 / c**2) ** np.arange(9)
-    four, eight = binom(4, np.arange(5)) * power[:5], binom(8, np.arange(9)) * power
+    four = binom(4, np.arange(5)) * power[:5]
+    eight = binom(8, np.arange(9)) * power
     mean = float(four @ moment[:5])
     return mean, float(eight @ moment[1:10]), float(four @ moment[1:6]) - mean

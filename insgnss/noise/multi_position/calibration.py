@@ -152,6 +152,9 @@ def calibrate_multi_position(
     return result
 
 
+ROUNDING = 1e-12  # of a sine: below it two unit vectors are the same, or opposite
+
+
 def distinct_positions(periods: StationaryPeriods) -> int:
     """Count the positions whose verticals differ by `DISTINCT_RAD` and more.
 
@@ -166,7 +169,7 @@ def distinct_positions(periods: StationaryPeriods) -> int:
         Number of positions.
     """
     verticals: list[Array] = []
-    for u in _unit(periods.accel_mean):
+    for u in _unit_vectors(periods.accel_mean):
         if all(u @ vertical < np.cos(DISTINCT_RAD) for vertical in verticals):
             verticals.append(u)
     return len(verticals)
@@ -268,7 +271,7 @@ def calibrate_gyroscopes(
     """
     from ...navigation.innovations._kernels import propagate_turn
 
-    up, entries = _unit(accel.triad().correct(periods.accel_mean)), places(GYRO_STATES)
+    up, entries = _unit_vectors(accel.triad().correct(periods.accel_mean)), places(GYRO_STATES)
     C, linked = _attitudes(periods, turns, up)
     sigma = _mean_sigma(periods.gyro_std, periods.samples, "gyro")
     # where the heading is unknown, so is the Earth's rate
@@ -347,20 +350,20 @@ def find_turns(imu: ImuSamples, periods: StationaryPeriods) -> list[Turn]:
         length = imu.time[b] - imu.time[a]
         if b > a and step[a:b].max() < LEAST_GAP_INTERVALS * nominal and length < LONGEST_TURN_S:
             sigma = float(np.sqrt(np.mean(periods.gyro_std[i : i + 2] ** 2) * nominal * length))
-            turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
+            turns.append(Turn(i, _rotation_vectors(delta[a:b]), step[a:b].copy(), sigma))
     return turns
 
 
-def _coned(delta: Array) -> Array:
+def _rotation_vectors(delta: Array) -> Array:
     """Return rotation vectors (n, 3) of increments, coning included.
 
     Each takes the part that turns across its neighbours make (I.2 of
     `navigation.prepare.increments`).
     """
     out = delta.copy()
-    across = np.cross(delta[:-1], delta[1:]) / 24.0
-    out[:-1] += across
-    out[1:] += across
+    coning = np.cross(delta[:-1], delta[1:]) / 24.0
+    out[:-1] += coning
+    out[1:] += coning
     return out
 
 
@@ -407,24 +410,28 @@ def _attitudes(
     from ...navigation.innovations._kernels import propagate_turn
 
     bias = np.average(periods.gyro_mean, axis=0, weights=periods.samples)
-    C, linked = np.empty((len(up), 3, 3)), np.zeros(len(up), dtype=bool)
-    ways = {turn.first + 1: turn for turn in turns}
+    C = np.empty((len(up), 3, 3))
+    linked = np.zeros(len(up), dtype=bool)
+    turn_to = {turn.first + 1: turn for turn in turns}
     Rt, J = np.empty((3, 3)), np.empty((3, 12))
     for i, u in enumerate(up):
-        rough, linked[i] = np.eye(3), i == 0
-        if i in ways:
-            propagate_turn(ways[i].delta, ways[i].dt, np.eye(3), bias, Rt, J)
-            rough, linked[i] = C[i - 1] @ Rt.T, linked[i - 1]
-        C[i] = _to_up(rough @ u) @ rough
+        rough = np.eye(3)
+        linked[i] = i == 0
+        if i in turn_to:
+            propagate_turn(turn_to[i].delta, turn_to[i].dt, np.eye(3), bias, Rt, J)
+            rough = C[i - 1] @ Rt.T
+            linked[i] = linked[i - 1]
+        C[i] = _rotation_to_up(rough @ u) @ rough
     return C, linked
 
 
-def _to_up(v: Array) -> Array:
+def _rotation_to_up(v: Array) -> Array:
     """Return the shortest rotation (3, 3) of the unit vector v onto up in north-east-down."""
     up = np.array([0.0, 0.0, -1.0])
-    axis, cosine = np.cross(v, up), float(v @ up)
+    axis = np.cross(v, up)
+    cosine = float(v @ up)
     sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
+    if sine < ROUNDING:
         return np.eye(3) if cosine > 0.0 else np.diag([1.0, -1.0, -1.0])
     return rotation_from_vector(axis / sine * np.arctan2(sine, cosine))
 
@@ -451,7 +458,8 @@ def _response(values: Array, entries: list[tuple[int, int]]) -> Array:
     return E
 
 
-def _unit(v: Array) -> Array:
+def _unit_vectors(v: Array) -> Array:
+    """Return vectors (n, 3) over their lengths."""
     return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True), dtype=np.float64)
 
 

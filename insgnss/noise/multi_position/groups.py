@@ -60,6 +60,11 @@ class GroupFit:
     factor: dict[str, float]
 
 
+# of steps and sums of squares, and of the gradient, where the solution ends: rounding
+STEP_TOLERANCE, GRADIENT_TOLERANCE = 1e-14, 1e-10
+FACTOR_TOLERANCE = 0.01  # of a group's sigma, by which a variance factor may still change
+
+
 def solve_groups(groups: Mapping[str, ResidualGroup], prior: Array, prior_sigma: Array) -> GroupFit:
     """Fit parameters to all groups.
 
@@ -95,16 +100,19 @@ def solve_groups(groups: Mapping[str, ResidualGroup], prior: Array, prior_sigma:
         """Return misclosures (0) or derivatives (1) of all groups, whitened."""
         return np.concatenate([group.whitened(factors)[column] for group in linearised(q)])
 
-    q, factor, wanted = np.zeros(prior.size), dict[str, float](), dict.fromkeys(groups, 1.0)
+    q = np.zeros(prior.size)
+    factor: dict[str, float] = {}
+    next_factors = dict.fromkeys(groups, 1.0)
     for _ in range(FACTOR_ROUNDS):
-        inflate, wanted = wanted, dict.fromkeys(groups, 1.0)
+        inflate = next_factors
+        next_factors = dict.fromkeys(groups, 1.0)
         solution = least_squares(
             lambda q, factors: -white(q, factors, 0),
             q,
             lambda q, factors: white(q, factors, 1),
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-10,
+            xtol=STEP_TOLERANCE,
+            ftol=STEP_TOLERANCE,
+            gtol=GRADIENT_TOLERANCE,
             args=(inflate,),
         )
         if not solution.success:
@@ -115,12 +123,13 @@ def solve_groups(groups: Mapping[str, ResidualGroup], prior: Array, prior_sigma:
         normals = NormalEquations(linearised(solution.x), inflate)
         q = solution.x + normals.dx  # scipy stops where the gradient is small, not at its zero
         for (name, group), equations in zip(groups.items(), linearised(q), strict=False):
-            free = equations.e.size - group.determined
+            redundancy = equations.e.size - group.determined
             square = NormalEquations([equations]).square()
-            factor[name] = square / free if free > 0 else 1.0
-            if free > 0 and square > chi2.ppf(FACTOR_CONFIDENCE, free):
-                wanted[name] = factor[name]
-        if all(abs(np.sqrt(wanted[name] / inflate[name]) - 1.0) < 0.01 for name in groups):
+            factor[name] = square / redundancy if redundancy > 0 else 1.0
+            if redundancy > 0 and square > chi2.ppf(FACTOR_CONFIDENCE, redundancy):
+                next_factors[name] = factor[name]
+        ratios = [np.sqrt(next_factors[name] / inflate[name]) for name in groups]
+        if all(abs(ratio - 1.0) < FACTOR_TOLERANCE for ratio in ratios):
             break
     covariance = normals.cov * np.outer(prior_sigma, prior_sigma)
     residual = -white(q, inflate, 0)[: -prior.size]

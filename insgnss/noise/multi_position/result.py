@@ -172,18 +172,20 @@ class MultiPosition(Shown):
         """Return the text for the terminal."""
         rows, fits = [], []
         named: dict[str, list[str]] = {}
-        for p in self.parameters:
-            value, sigma, unit = p.shown
-            rows.append((p.sensor, p.name, f"{value:.3f} ± {sigma:.3f}", unit, p.verdict))
-            named.setdefault(p.verdict, []).append(f"{p.sensor} {p.name}")
-        for e in (self.accel, self.gyro):
-            worst = float(np.abs(e.residual).max())
+        for parameter in self.parameters:
+            value, sigma, unit = parameter.shown
+            name = f"{parameter.sensor} {parameter.name}"
+            cells = (parameter.sensor, parameter.name, f"{value:.3f} ± {sigma:.3f}", unit)
+            rows.append((*cells, parameter.verdict))
+            named.setdefault(parameter.verdict, []).append(name)
+        for triad in (self.accel, self.gyro):
+            worst = float(np.abs(triad.residual).max())
             fits += [
-                f"{e.sensor}: {group} residuals {np.sqrt(factor):.2f} times the white noise,"
+                f"{triad.sensor}: {group} residuals {np.sqrt(factor):.2f} times the white noise,"
                 f" largest {worst:.1f} sigma"
-                for group, factor in e.variance_factor.items()
+                for group, factor in triad.variance_factor.items()
             ]
-            fits += [f"{e.sensor}: not observed: {direction}" for direction in e.blind]
+            fits += [f"{triad.sensor}: not observed: {direction}" for direction in triad.blind]
         ppm = 1e6 * self.gravity_sigma / self.gravity
         gravity = (
             f"gravity {self.gravity:.5f} m/s^2, standard deviation {self.gravity_sigma:.5f}"
@@ -242,19 +244,19 @@ def blind_directions(states: Sequence[State], covariance: Array) -> tuple[str, .
     tuple of str
         Combinations in words, each with its standard error in units of the usual.
     """
-    size = sizes(USUAL_SIZES, states)
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    usual_sizes = sizes(USUAL_SIZES, states)
+    values, vectors = np.linalg.eigh(covariance / np.outer(usual_sizes, usual_sizes))
     out = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < 1.0:
             break
         # of equal parts the first leads, whatever their last digits
-        size_of = np.round(np.abs(vector), 6)
-        vector = vector * np.sign(vector[np.argmax(size_of)])
-        parts = [
+        components = np.round(np.abs(vector), 6)
+        vector = vector * np.sign(vector[np.argmax(components)])
+        terms = [
             f"{'+' if vector[i] > 0 else '-'} {states[i]}"
-            for i in np.argsort(-size_of, kind="stable")
+            for i in np.argsort(-components, kind="stable")
             if abs(vector[i]) > NAMED_COMPONENT
         ]
-        out.append(f"{' '.join(parts).removeprefix('+ ')} ({np.sqrt(value):.1f} times the usual)")
+        out.append(f"{' '.join(terms).removeprefix('+ ')} ({np.sqrt(value):.1f} times the usual)")
     return tuple(out)

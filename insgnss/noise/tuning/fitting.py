@@ -119,7 +119,7 @@ def tune_axes(
         chosen = family[0]
     progress(f"{name}: {chosen}")
     first = fit(curves, chosen, sampling=options.sampling)
-    kept, how, goodness = _kept(first, options)
+    kept, how, goodness = _preferred_fit(first, options)
     if options.bootstrap:
         progress(f"{name}: {options.bootstrap} bootstrap replicates")
     intervals = "bootstrap" if options.bootstrap >= LEAST_DRAWS else "auto"
@@ -213,7 +213,9 @@ def _ranking(
         return ranked(curves, candidates, weights="interval"), notes
 
 
-def _kept(first: NoiseFit, options: TuneOptions) -> tuple[NoiseFit, str, GoodnessOfFit | None]:
+def _preferred_fit(
+    first: NoiseFit, options: TuneOptions
+) -> tuple[NoiseFit, str, GoodnessOfFit | None]:
     """Return the fit that is worth more, a sentence that says which, and a test.
 
     The test is that of the efficient fit where that was not kept.
@@ -223,12 +225,12 @@ def _kept(first: NoiseFit, options: TuneOptions) -> tuple[NoiseFit, str, Goodnes
     second, sentence, settled = second_step(first)
     if second is first or options.weights == "full":
         return second, sentence, None
-    kept = "weights of the intervals kept: efficient ones"
+    reason = "weights of the intervals kept: efficient ones"
     if not settled:
-        return first, f"{kept} do not settle, as happens where the model does not fit", None
+        return first, f"{reason} do not settle, as happens where the model does not fit", None
     goodness = _j_test(second)
-    if _tested(goodness) and goodness.p_value < MISFIT_P:
-        return first, f"{kept} would trust a model that does not fit", goodness
+    if _has_test(goodness) and goodness.p_value < MISFIT_P:
+        return first, f"{reason} would trust a model that does not fit", goodness
     return second, sentence, None
 
 
@@ -250,11 +252,13 @@ def _finer_scales(
     model_option : option that names the model, where it was chosen of several: another might be
         chosen with other levels.
     """
-    if not _tested(goodness) or goodness.p_value >= FITS_P or options.levels is not None:
+    if not _has_test(goodness) or goodness.p_value >= FITS_P or options.levels is not None:
         return ()
-    name, close = str(first.composition), ""
-    if long := _slow_misfit(first, misfits):
-        return (long,)
+    slow = _advise_slow_misfit(first, misfits)
+    if slow:
+        return (slow,)
+    name = str(first.composition)
+    close = ""
     for start in range(2, LAST_START + 1):
         levels = [j for j in first.curves[0].level.tolist() if j >= start]
         if len(levels) <= first.composition.size:
@@ -262,36 +266,35 @@ def _finer_scales(
         if misfits and start <= min(j for _, j in misfits):
             continue
         coarser = fit(first.curves, first.composition, sampling=first.sampling, levels=levels)
-        if not _white_is_seen(coarser, first.curves):
-            return (close or _fine_misfit(first.composition),)
+        if not _determines_white_noise(coarser, first.curves):
+            return (close or _advise_fine_misfit(first.composition),)
         scale = f"{float(coarser.curves[0].scale_s[0]):.3g} s"
         option = f"--levels {start}-{model_option}"
-        if not close and _farthest(coarser) < CLOSE:
+        if not close and _largest_deviation(coarser) < CLOSE:
             close = (
                 f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: {option}"
                 " leaves the finer scales out"
             )
-        if (p := _tested_p(coarser, options)) >= FITS_P:
+        p = _tested_p(coarser, options)
+        if p >= FITS_P:
             fits = f"from scale {scale} on {name} fits (p = {p:.2g}): {option}"
-            return (
-                (close, fits)
-                if close and option not in close
-                else (f"{fits} leaves the finer scales out",)
-            )
+            if close and option not in close:
+                return (close, fits)
+            return (f"{fits} leaves the finer scales out",)
     return (close or f"leaving out fine scales does not make {name} fit",)
 
 
-def _fine_misfit(composition: Composition) -> str:
+def _advise_fine_misfit(composition: Composition) -> str:
     """Advise what to try where the misfit is at scales that determine the white noise."""
-    more = _larger(composition, "quantization")
-    advice = f"; add a short process: --model {more}" if more else ""
+    models = _larger_models(composition, "quantization")
+    advice = f"; add a short process: --model {models}" if models else ""
     return (
         "fine scales that do not fit are among those that determine the white noise, and are not to"
         f" be left out{advice}"
     )
 
 
-def _white_is_seen(coarser: NoiseFit, curves: Sequence[WaveletVariance]) -> bool:
+def _determines_white_noise(coarser: NoiseFit, curves: Sequence[WaveletVariance]) -> bool:
     """Tell whether a fit without its finest scales still knows the white noise.
 
     That is so where white noise (and rounding) is most of the wavelet variance at `WHITE_SCALES` of
@@ -301,12 +304,14 @@ def _white_is_seen(coarser: NoiseFit, curves: Sequence[WaveletVariance]) -> bool
     """
     if not coarser.axis.white_noise:
         return not coarser.composition.white_noise
-    for all_scales, kept in zip(curves, coarser.curves, strict=True):
-        parts = haar_variance_parts(coarser.axis, kept.level, kept.rate_hz, coarser.sampling)
-        white = parts["white_noise"] + parts.get("quantization", 0.0)
-        if np.count_nonzero(white > 0.5 * sum(parts.values())) < WHITE_SCALES:
+    for all_scales, coarse_scales in zip(curves, coarser.curves, strict=True):
+        variance_of = haar_variance_parts(
+            coarser.axis, coarse_scales.level, coarse_scales.rate_hz, coarser.sampling
+        )
+        white = variance_of["white_noise"] + variance_of.get("quantization", 0.0)
+        if np.count_nonzero(white > 0.5 * sum(variance_of.values())) < WHITE_SCALES:
             return False
-        left_out = all_scales.level < kept.level[0]
+        left_out = all_scales.level < coarse_scales.level[0]
         modelled = haar_variance(
             coarser.axis, all_scales.level[left_out], all_scales.rate_hz, coarser.sampling
         )
@@ -315,7 +320,7 @@ def _white_is_seen(coarser: NoiseFit, curves: Sequence[WaveletVariance]) -> bool
     return True
 
 
-def _slow_misfit(fitted: NoiseFit, misfits: Sequence[tuple[int, int]]) -> str:
+def _advise_slow_misfit(fitted: NoiseFit, misfits: Sequence[tuple[int, int]]) -> str:
     """Advise what to try where all scales that stand out are long ones; else return nothing.
 
     Long ones lie in the upper half of the levels.
@@ -324,22 +329,24 @@ def _slow_misfit(fitted: NoiseFit, misfits: Sequence[tuple[int, int]]) -> str:
     if not misfits or min(j for _, j in misfits) <= middle:
         return ""
     scales = [2.0**j / fitted.curves[i].rate_hz for i, j in misfits]
-    more = _larger(fitted.composition, "random_walk")
-    advice = f"add a slow process: --model {more}" if more else "look for a drift or a disturbance"
+    models = _larger_models(fitted.composition, "random_walk")
+    advice = (
+        f"add a slow process: --model {models}" if models else "look for a drift or a disturbance"
+    )
     return (
         f"the misfit is at long scales, {span_text(scales)}, and leaving out fine ones does not"
         f" cure it; {advice}"
     )
 
 
-def _larger(composition: Composition, process: str) -> str:
-    """The composition with one more Gauss-Markov process or with a process of its own kind."""
-    more = []
+def _larger_models(composition: Composition, process: str) -> str:
+    """Name the models with one more Gauss-Markov process, and with `process` besides."""
+    models = []
     if composition.gauss_markov < MOST_GAUSS_MARKOV:
-        more.append(replace(composition, gauss_markov=composition.gauss_markov + 1))
+        models.append(replace(composition, gauss_markov=composition.gauss_markov + 1))
     if not getattr(composition, process):
-        more.append(replace(composition, **{process: True}))
-    return " or ".join(map(str, more))
+        models.append(replace(composition, **{process: True}))
+    return " or ".join(map(str, models))
 
 
 def _tested_p(fitted: NoiseFit, options: TuneOptions) -> float:
@@ -348,23 +355,23 @@ def _tested_p(fitted: NoiseFit, options: TuneOptions) -> float:
     It is NaN without a test, and that of the weights of the intervals where it is small.
     """
     test = _j_test(fitted)
-    if (
-        _tested(test) and test.p_value >= MISFIT_P
-    ):  # the efficient test is the better and the dearer one
-        kept, _, goodness = _kept(fitted, options)
-        test = goodness or _j_test(kept)
-    return test.p_value if _tested(test) else float("nan")
+    if _has_test(test) and test.p_value >= MISFIT_P:  # the efficient test is better, and slower
+        preferred, _, goodness = _preferred_fit(fitted, options)
+        test = goodness or _j_test(preferred)
+    return test.p_value if _has_test(test) else float("nan")
 
 
-def _farthest(fitted: NoiseFit) -> float:
+def _largest_deviation(fitted: NoiseFit) -> float:
     """Return the largest relative error of the modelled deviation.
 
     It is taken over the scales of which a recording holds many.
     """
     deviations = [0.0]
     for curve, modelled in zip(fitted.curves, fitted.modelled, strict=True):
-        many = curve.count > MANY_LENGTHS * 2.0**curve.level
-        deviations += np.abs(np.sqrt(modelled[many] / curve.variance[many]) - 1.0).tolist()
+        well_averaged = curve.count > MANY_LENGTHS * 2.0**curve.level
+        deviations += np.abs(
+            np.sqrt(modelled[well_averaged] / curve.variance[well_averaged]) - 1.0
+        ).tolist()
     return max(deviations)
 
 
@@ -373,5 +380,5 @@ def _j_test(fitted: NoiseFit) -> GoodnessOfFit:
     return goodness_of_fit(fitted, Linearised(fitted, covariances(fitted)))
 
 
-def _tested(goodness: GoodnessOfFit) -> bool:
+def _has_test(goodness: GoodnessOfFit) -> bool:
     return bool(goodness.degrees > 0 and np.isfinite(goodness.p_value))

@@ -68,57 +68,64 @@ def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bo
     """
     channels: tuple[bool, ...] = (True,) * 6
     with spoken_as(OPTION_NAMES):
-        form = sniff_imu(path)
-        fields = fields_of_some(path, form, options)
+        file_format = sniff_imu(path)
+        fields = fields_of_some(path, file_format, options)
         if fields is None:
-            imu = _read(path, options)
+            imu = _read_with_units(path, options)
         else:
-            imu, channels = read_some(path, form, fields, options)
+            imu, channels = read_some(path, file_format, fields, options)
     _refuse_rate(path, imu, options)
     return imu, channels
 
 
-def _read(path: Path, options: TuneOptions) -> ImuSamples:
-    """The samples, with column and unit of time as `insgnss inspect` finds them where they need it.
+def _read_with_units(path: Path, options: TuneOptions) -> ImuSamples:
+    """Read the samples; where the header gives no time that an IMU has, `inspect` finds it.
 
-    So it is where the file's own header gives no time, or one that no IMU has.
+    Column and unit of time are then those that `insgnss inspect` proposes.
     """
-    how, sources = _how(path, options), list[InputSource]()
+    arguments = _read_arguments(path, options)
+    sources: list[InputSource] = []
     try:
-        imu = read_imu(path, **how)
+        imu = read_imu(path, **arguments)
         is_given = options.time_unit or "sampling" in options.accept
         if is_given or _is_rate(1.0 / nominal_interval(imu.time)):
             return imu
     except InputError:
-        if how["columns"] is not None or options.time_unit or options.rate_hz is not None:
+        if arguments["columns"] is not None or options.time_unit or options.rate_hz is not None:
             raise
     with suppress(InputError):  # of the reader, below
         sources = [source for source in sources_of(path) if source.role == "imu"]
     keys = sources[0].keys if sources else {}
-    if how["columns"] is not None or "rate_hz" in keys or not keys.keys() & {"columns", "units"}:
-        return read_imu(path, **how)
+    if (
+        arguments["columns"] is not None
+        or "rate_hz" in keys
+        or not keys.keys() & {"columns", "units"}
+    ):
+        return read_imu(path, **arguments)
     unit = keys.get("units", {}).get("time", "s")
-    units = (how["units"] or {}) | {"time": unit}
-    imu = read_imu(path, **how | {"columns": keys.get("columns"), "units": units})
-    why = sources[0].why.get("units") or sources[0].why["columns"]
-    if unit == "s" or "the header gives" in why:
+    units = (arguments["units"] or {}) | {"time": unit}
+    imu = read_imu(path, **arguments | {"columns": keys.get("columns"), "units": units})
+    reason = sources[0].why.get("units") or sources[0].why["columns"]
+    if unit == "s" or "the header gives" in reason:
         return imu
     unit_note = Question("IMU time", "a column of seconds").note(
-        f"{unit}: {why}", "--time-unit and --columns state another unit or column"
+        f"{unit}: {reason}", "--time-unit and --columns state another unit or column"
     )
     return replace(imu, notes=(*imu.notes, unit_note))
 
 
-def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
+def _read_arguments(path: Path, options: TuneOptions) -> dict[str, Any]:
     """Return the arguments of `read_imu`."""
-    form = sniff_imu(path)
+    file_format = sniff_imu(path)
     columns: Any = options.columns
-    nameless = columns is None and form in LOADERS
-    if nameless or (form not in SAY_THEIR_UNITS and not (options.gyro_unit and options.accel_unit)):
+    nameless = columns is None and file_format in LOADERS
+    if nameless or (
+        file_format not in SAY_THEIR_UNITS and not (options.gyro_unit and options.accel_unit)
+    ):
         tables = describe(path)
         if nameless:
             columns = _plain_columns(tables, options) or _named_columns(tables, options)
-        _ask_for_units(path, tables, options)
+        _require_units(path, tables, options)
     units = {"gyro": options.gyro_unit, "accel": options.accel_unit, "time": options.time_unit}
     return {
         "columns": columns,
@@ -157,7 +164,7 @@ def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping
     return columns if all(name in columns for name in needed) else None
 
 
-def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
+def _require_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
     """Raise UsageError where neither the file nor an option says a unit."""
     fields = [field for table in tables for field in table.columns]
     increments = " increment" if options.quantity == "increments" else ""
@@ -181,9 +188,9 @@ def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
     rate = 1.0 / nominal_interval(imu.time)
     if _is_rate(rate) or "sampling" in options.accept:
         return
-    span = float(imu.time[-1] - imu.time[0]) / 3600.0
+    hours = float(imu.time[-1] - imu.time[0]) / 3600.0
     message = (
-        f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has"
+        f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {hours:.3g} h; an IMU has"
         f" {USUAL_RANGE_HZ[0]:g} to {USUAL_RANGE_HZ[1]:g} Hz"
     )
     if options.rate_hz is not None:

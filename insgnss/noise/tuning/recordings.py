@@ -96,19 +96,20 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     progress(f"reading {path.name}")
     with spoken_as(OPTION_NAMES):
         if holds_variances(path):
-            return _published(path, options)
+            return _published_variances(path, options)
     imu, channels = read_samples(path, options)
     progress(f"checking {path.name}")
     span = static_span(imu, options.skip_s, options.keep_s, options.bridge_s, channels)
-    _refuse(path, span, options.accept)
+    _refuse_unfit(path, span, options.accept)
     progress(f"wavelet variances of {path.name}")
     triads = {"gyro": span.gyro, "accel": span.accel}
-    wanted = tuple(a and b for a, b in zip(channels, chosen_channels(options.only), strict=True))
-    if not any(wanted):
+    requested = chosen_channels(options.only)
+    tuned = tuple(has and chosen for has, chosen in zip(channels, requested, strict=True))
+    if not any(tuned):
         raise UsageError(
             f"{path}: --only {options.only!r} names none of its channels; name some or leave it out"
         )
-    curves, method_notes = _variances(triads, span, options.robust, wanted)
+    curves, method_notes = _variances(triads, span, options.robust, tuned)
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
     return StaticRecording(
@@ -123,32 +124,32 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
 
 
 def _variances(
-    triads: Mapping[str, Array], span: StaticSpan, robust: bool | None, wanted: tuple[bool, ...]
+    triads: Mapping[str, Array], span: StaticSpan, robust: bool | None, tuned: tuple[bool, ...]
 ) -> tuple[dict[tuple[str, int], WaveletVariance], list[Finding]]:
-    """Return the curves, and what is to be said of how they were taken.
+    """Return the curves of the channels `tuned` (6,), and findings on robust variances.
 
     robust : None: where the recording holds disturbances, and its rounding allows it.
     """
 
-    def taken(robustly: bool) -> dict[tuple[str, int], WaveletVariance]:
+    def curves_of(robustly: bool) -> dict[tuple[str, int], WaveletVariance]:
         out: dict[tuple[str, int], WaveletVariance] = {}
-        for first, (sensor, values) in zip((0, 3), triads.items(), strict=True):
-            axes = [k for k in range(3) if wanted[first + k]]
+        for first_channel, (sensor, values) in zip((0, 3), triads.items(), strict=True):
+            axes = [k for k in range(3) if tuned[first_channel + k]]
             if axes:
                 curves = wavelet_variances(values[:, axes], span.rate_hz, robust=robustly)
-                out |= {(sensor, k): c for k, c in zip(axes, curves, strict=True)}
+                out |= {(sensor, k): curve for k, curve in zip(axes, curves, strict=True)}
         return out
 
     knocks = len(span.disturbances)
     if robust is not None or not knocks:
-        return taken(bool(robust)), []
+        return curves_of(bool(robust)), []
     ask = Question("wavelet variances", "nothing but noise")
     finding = f"{knocks} disturbance{'s' if knocks > 1 else ''}"
     try:
-        curves = taken(True)
+        curves = curves_of(True)
     except DataError as error:
         advice = f"they distort the variances, since robust variances cannot be computed: {error}"
-        return taken(False), [ask.note(finding, advice)]
+        return curves_of(False), [ask.note(finding, advice)]
     advice = (
         "robust variances are used, which a few disturbances do not distort; --no-robust uses"
         " plain ones"
@@ -158,32 +159,32 @@ def _variances(
 
 def holds_variances(path: Path) -> bool:
     """Tell whether a file holds variances, JSON or a table over scales, instead of samples."""
-    head = first_bytes(path, FILE_HEAD_BYTES)
-    start = head.lstrip()[:1]
-    return start in (b"{", b"[") or (
-        start != b"\x93"
-        and re.search(rb"(?<![a-z])(scale_s|tau_s|averaging_time)", head) is not None
+    content = first_bytes(path, FILE_HEAD_BYTES)
+    first_byte = content.lstrip()[:1]
+    return first_byte in (b"{", b"[") or (
+        first_byte != b"\x93"
+        and re.search(rb"(?<![a-z])(scale_s|tau_s|averaging_time)", content) is not None
     )
 
 
-def _published(path: Path, options: TuneOptions) -> StaticRecording:
+def _published_variances(path: Path, options: TuneOptions) -> StaticRecording:
     """Return the curves of a file of published variances."""
-    head = read_bytes(path)[:FILE_HEAD_BYTES]
-    if re.match(rb'\s*\{\s*"recordings":', head):
+    content = read_bytes(path)[:FILE_HEAD_BYTES]
+    if re.match(rb'\s*\{\s*"recordings":', content):
         raise InputError(
             f"{path}: is the table that insgnss tune wrote beside a noise model; give the"
             " recordings themselves"
         )
     if options.rate_hz is not None and (
-        head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)
+        content.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", content)
     ):
         raise UsageError(f"{path}: the file of variances states its rate; leave --rate out")
-    stated = {"gyro": options.gyro_unit, "accel": options.accel_unit}
-    units = {sensor: unit for sensor, unit in stated.items() if unit}
+    unit_options = {"gyro": options.gyro_unit, "accel": options.accel_unit}
+    units = {sensor: unit for sensor, unit in unit_options.items() if unit}
     variances = read_variances(
         path, member=options.variable, units=units or None, rate_hz=options.rate_hz
     )
-    unit_line = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
+    unit_line = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", content)
     curves = {}
     for name, curve in variances.curves.items():
         sensor, _, letter = name.partition("_")
@@ -202,14 +203,15 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
     return StaticRecording(source, curves, None, 0.0, longest.samples / longest.rate_hz, checks)
 
 
-def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
+def _refuse_unfit(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
     """Raise DataError with the first check by which the recording is unfit."""
     names = [check.name for check in span.checks]
     for check in span.checks:
         if check.verdict == "contradiction" and check.name not in accept:
             advice = f"{check.advice}; --accept {quote(check.name)} takes it all the same"
             raise DataError(f"{path}: {replace(check, remedy=advice).named_sentence}")
-    if unknown := [name for name in accept if name not in (*names, "warm-up", POOLING)]:
+    unknown = [name for name in accept if name not in (*names, "warm-up", POOLING)]
+    if unknown:
         raise UsageError(
             f"--accept {unknown[0]!r}: no such check; there are {', '.join((*names, POOLING))}"
         )

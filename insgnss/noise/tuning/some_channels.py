@@ -72,10 +72,10 @@ def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str
     if isinstance(options.columns, Mapping):
         named = dict(options.columns)
     else:
-        tables = [t for t in describe(path) if options.variable in (None, t.name)]
+        tables = [table for table in describe(path) if options.variable in (None, table.name)]
         if len(tables) != 1:
             return None
-        named = _named(tables[0], options.columns)
+        named = _names_of_columns(tables[0], options.columns)
     if options.rate_hz is not None:
         named.pop("tow", None)
     named_channels = [name for name in CHANNEL_COLUMNS if name in named]
@@ -83,12 +83,14 @@ def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str
     return named if timed and 0 < len(named_channels) < 6 else None
 
 
-def _named(table: TableInfo, columns: tuple[str, ...] | None) -> dict[str, str]:
+def _names_of_columns(table: TableInfo, columns: tuple[str, ...] | None) -> dict[str, str]:
+    """Return the field of each quantity, by the columns that an option names or by their names."""
     if columns is not None:
         pairs = zip(columns, table.columns, strict=False)
-        once = all(columns.count(name) == 1 for name in columns if name != "-")
-        same = once and len(columns) == len(table.columns)
-        return {name: field for name, field in pairs if name != "-"} if same else {}
+        unique = all(columns.count(name) == 1 for name in columns if name != "-")
+        if not unique or len(columns) != len(table.columns):
+            return {}
+        return {name: field for name, field in pairs if name != "-"}
     return columns_by_names(table)
 
 
@@ -138,15 +140,16 @@ def read_some(
         columns = take_columns(path, load_content(form, path), dict(fields), options.variable)
     else:
         columns = with_required(tuple(fields)).read(path, fields).numbers()
-    size = next(iter(columns.values())).size
-    whole = {name: columns.get(name, np.ones(size)) for name in CHANNEL_COLUMNS}
-    whole |= {name: columns[name] for name in ("tow",) if name in columns}
-    units = _units(path, fields, options)
-    names = {name: name for name in whole}
-    stated = ReadOptions(
-        columns=names, units=units, quantity=options.quantity, rate_hz=options.rate_hz
+    n = next(iter(columns.values())).size
+    content = {name: columns.get(name, np.ones(n)) for name in CHANNEL_COLUMNS}
+    content |= {name: columns[name] for name in ("tow",) if name in columns}
+    read_options = ReadOptions(
+        columns={name: name for name in content},
+        units=_units(path, fields, options),
+        quantity=options.quantity,
+        rate_hz=options.rate_hz,
     )
-    imu = imu_of_content(path, whole, stated)
+    imu = imu_of_content(path, content, read_options)
     triads = np.hstack([imu.gyro, imu.accel])
     for k, present in enumerate(is_present):
         if not present:
@@ -161,7 +164,7 @@ def no_unit(path: Path, sensor: str, of: str, example: str) -> UsageError:
 
 
 def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[str, str]:
-    """Units by sensor; of one that is not there any, since its values are not taken."""
+    """Return the units by sensor; of one that is not there any, since its values are not taken."""
     units = {}
     for sensor, names, unit_option, example in (
         ("gyro", GYRO, options.gyro_unit, "rad/s"),

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss.base.errors import UsageError
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov
 from insgnss.noise.estimation.bootstrap import (
-    _reduced,
-    _series,
+    _draws_of_recordings,
+    _draws_of_reduced_recordings,
     bootstrap,
     draw_variances,
     has_interval_weights,
@@ -89,7 +89,7 @@ def test_reduced_draws_are_those_of_whole_series(sampling):
     fitted = replace(series_fit(2**17, AXES["long"], "WN+2GM"), sampling=sampling)
     a, b = (
         drawn(fitted, fitted.curves[0], 160, (4, 0)) / fitted.modelled[0]
-        for drawn in (_series, _reduced)
+        for drawn in (_draws_of_recordings, _draws_of_reduced_recordings)
     )
     sigma = np.hypot(a.std(axis=0, ddof=1), b.std(axis=0, ddof=1)) / math.sqrt(160)
     assert (np.abs(a.mean(axis=0) - b.mean(axis=0)) < 4.0 * sigma).all()
@@ -114,7 +114,7 @@ def test_reduced_draws_have_the_moments_of_the_processes(monkeypatch):
     monkeypatch.setattr(module, "_BLOCKS", 7)
     curve = wavelet_variance(np.random.default_rng(1).normal(size=2**11), RATE, levels=9)
     fitted = SimpleNamespace(axis=AXES["clear"], sampling="point", curves=(curve,))
-    drawn = _reduced(fitted, curve, 600, (4, 0))
+    drawn = _draws_of_reduced_recordings(fitted, curve, 600, (4, 0))
     expected = haar_variance(AXES["clear"], curve.level, RATE, "point")
     V = haar_covariance(AXES["clear"], curve.level, curve.samples, RATE, "point")
     sigma = np.sqrt(np.diag(V))
@@ -192,7 +192,7 @@ def test_robust_draws_are_robust(decomposition):
     curve = robust_curve(0.6, decomposition)
     fitted = fit(curve, "WN")
     robust = draw_variances(fitted, 150, seed=1)[0][:, 0]
-    plain = _series(fitted, replace(curve, robust=False), 150, (1, 0))[:, 0]
+    plain = _draws_of_recordings(fitted, replace(curve, robust=False), 150, (1, 0))[:, 0]
     assert_allclose(robust.var() / plain.var(), 1.0 / 0.6, rtol=0.5)
     assert_allclose(robust.mean() / fitted.modelled[0][0], 1.0, atol=0.01)
 

@@ -10,7 +10,11 @@ from scipy.optimize import nnls
 from insgnss.noise.estimation._search import _interpolate, nonnegative, profile, settle
 from insgnss.noise.estimation.goodness import goodness_of_fit
 from insgnss.noise.tuning import fitting
-from insgnss.noise.tuning.fitting import _farthest, _slow_misfit, _white_is_seen
+from insgnss.noise.tuning.fitting import (
+    _advise_slow_misfit,
+    _determines_white_noise,
+    _largest_deviation,
+)
 
 
 def columns(rng, p: int, m: int = 9) -> np.ndarray:
@@ -153,9 +157,9 @@ def test_how_far_a_model_is_off() -> None:
     """Oracle: by hand: ratios of deviations, where a recording holds fifty filter lengths."""
     one = curve([1, 2, 3], [1.0, 4.0, 1.0], count=np.array([101.0, 201.0, 399.0]))
     fitted = SimpleNamespace(curves=(one,), modelled=(np.array([1.21, 4.0, 100.0]),))
-    assert _farthest(fitted) == pytest.approx(0.1)
+    assert _largest_deviation(fitted) == pytest.approx(0.1)
     low = SimpleNamespace(curves=(one,), modelled=(np.array([1.0, 4.0 * 0.49, 0.0]),))
-    assert _farthest(low) == pytest.approx(0.3)
+    assert _largest_deviation(low) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +173,7 @@ def test_a_misfit_at_long_scales(misfits, advised) -> None:
     fitted = SimpleNamespace(
         curves=(curve(np.arange(1, 10), np.ones(9)),), composition=Composition.parse("WN+GM")
     )
-    sentence = _slow_misfit(fitted, misfits)
+    sentence = _advise_slow_misfit(fitted, misfits)
     assert bool(sentence) is advised
     assert not advised or "WN+2GM or " in sentence
 
@@ -191,7 +195,7 @@ def test_whether_the_white_noise_is_still_seen(monkeypatch, share, left, seen) -
     monkeypatch.setattr(fitting, "haar_variance", lambda *_: np.ones(1))
     axis = SimpleNamespace(white_noise=1.0)
     coarser = SimpleNamespace(axis=axis, curves=(kept,), sampling="point")
-    assert _white_is_seen(coarser, [whole]) is seen
+    assert _determines_white_noise(coarser, [whole]) is seen
 
 
 @pytest.mark.parametrize(
@@ -209,4 +213,4 @@ def test_which_fit_is_kept(monkeypatch, p, settled, kept) -> None:
     goodness = SimpleNamespace(degrees=3.0, p_value=p)
     monkeypatch.setattr(fitting, "_j_test", lambda _: goodness)
     for weights, expected in (("auto", kept), ("diagonal", "first"), ("full", "second")):
-        assert fitting._kept("first", SimpleNamespace(weights=weights))[0] == expected
+        assert fitting._preferred_fit("first", SimpleNamespace(weights=weights))[0] == expected

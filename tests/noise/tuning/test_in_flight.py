@@ -24,9 +24,9 @@ from insgnss.navigation.innovations.search import Maximum
 from insgnss.navigation.noise_model.model import NoiseModel, load_noise_model
 from insgnss.noise.tuning.in_flight.estimation import (
     FlightTuning,
-    _estimated,
-    _judged,
-    _read,
+    _estimate_noise,
+    _judge,
+    _read_without_exposures,
     tune_flight,
 )
 from insgnss.noise.tuning.in_flight.files import model_in_flight
@@ -284,7 +284,7 @@ def test_a_factor_of_driving_noise_is_that_of_every_slow_process(tuned, shaken):
         tuned.noise, names=names, factor=np.array([2.0, 1.0]), log_sigma=np.array([0.1, 0.0])
     )
     walking = replace(NAVCHIP, gyro=tuple(replace(axis, random_walk=1e-7) for axis in NAVCHIP.gyro))
-    model = model_in_flight(shaken, replace(_read(shaken), noise=walking), noise)
+    model = model_in_flight(shaken, replace(_read_without_exposures(shaken), noise=walking), noise)
     for axis, static in zip(model.gyro, walking.gyro, strict=True):
         assert axis.white_noise == static.white_noise
         assert axis.random_walk == pytest.approx(2e-7, rel=1e-5)
@@ -320,7 +320,7 @@ def test_a_correlated_error_that_was_adopted_is_doubted(monkeypatch, adopted, ga
     monkeypatch.setattr(room + "pieces.without_correlated", lambda _: part(-1, gain))
     monkeypatch.setattr(room + "innovation_noise.in_flight_noise", lambda parts, *_: parts[0])
     flight = SimpleNamespace(gnss=SimpleNamespace(gm_sigma=asked))
-    found, dropped = _estimated(
+    found, dropped = _estimate_noise(
         flight, [part(3 if has else -1, 0.0) for has in adopted], (), lambda _: None
     )
     assert (found.problem.layout.gm < 0) == (white or not any(adopted))
@@ -420,9 +420,9 @@ def test_each_doubt_keeps_the_static_model(tuned):
             "gyro white noise not determined by this flight: too short",
         ),
     )
-    assert _judged(noise, 0, 0)[0]
+    assert _judge(noise, 0, 0)[0]
     for given, words in doubts:
-        accepted, reasons = _judged(*given)
+        accepted, reasons = _judge(*given)
         assert not accepted
         assert words in "; ".join(reasons)
 

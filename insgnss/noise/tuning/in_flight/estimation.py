@@ -140,23 +140,27 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     from .straight_flight import straight_flight, straight_segments
 
     progress("read")
-    recording = _read(flight)
+    recording = _read_without_exposures(flight)
     # its noise is what is looked for: nothing else may take a share of it
     flight = replace(flight, filter=replace(flight.filter, adaptive_noise="off"))
     light = replace(flight, output=replace(flight.output, trajectory_hz=OUTPUT_HZ))
     solved, gaps = solve_segments(light, recording, progress)
-    parts = [piece for segment in solved for piece in _moving(segment, recording)]
-    noise, dropped = _estimated(flight, parts, chosen, progress)
+    moving = [piece for segment in solved for piece in _moving_parts(segment, recording)]
+    noise, dropped = _estimate_noise(flight, moving, chosen, progress)
     model = model_in_flight(flight, recording, noise)
-    offered, before = _rejections(solved)
-    after = before
+    offered, rejected_before = _rejections(solved)
+    rejected_after = rejected_before
     if noise.significant and noise.white:
         progress("solve again")
-        after = _rejections_again(light, replace(recording, noise=model), offered, progress)
+        rejected_after = _count_rejections_with(
+            light, replace(recording, noise=model), offered, progress
+        )
     progress("spectrum")
     straight = np.concatenate([straight_segments(segment.solution) for segment in solved])
     spectrum = straight_flight(recording.imu, recording.C_b_imu, straight)
-    accepted, reasons = _judged(noise, before, after, beyond_spectrum(spectrum, model, noise))
+    accepted, reasons = _judge(
+        noise, rejected_before, rejected_after, beyond_spectrum(spectrum, model, noise)
+    )
     notes = tuple(check.found for check in gaps)
     return FlightTuning(
         name=flight.name,
@@ -165,17 +169,17 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
         noise=noise,
         static=recording.noise,
         model=model,
-        lost_before=before,
-        lost_after=after,
+        lost_before=rejected_before,
+        lost_after=rejected_after,
         straight=spectrum,
         dropped_correlated=dropped,
         notes=notes,
     )
 
 
-def _read(flight: Flight) -> Recording:
-    """The recording without its exposures. Raises InputError where its checks contradict the flight
-    file.
+def _read_without_exposures(flight: Flight) -> Recording:
+    """Return the recording without its exposures. Raises InputError where its checks contradict the
+    flight file.
     """
     if flight.gnss.stationary is not None:
         raise InputError(
@@ -183,27 +187,27 @@ def _read(flight: Flight) -> Recording:
             " its recording as a static one"
         )
     recording = read_recording(flight)
-    bad = [
+    contradictions = [
         check
         for check in recording.checks
         if check.verdict == "contradiction" and check.name not in flight.accept
     ]
-    if bad:
-        raise refusal(flight, bad[0], overruled=[bad[0].name])
+    if contradictions:
+        raise refusal(flight, contradictions[0], overruled=[contradictions[0].name])
     return replace(recording, cameras=())
 
 
-def _moving(segment: "Segment", recording: Recording) -> "list[Solution]":
+def _moving_parts(segment: "Segment", recording: Recording) -> "list[Solution]":
     from ....navigation.innovations.pieces import moving_parts
 
     return moving_parts(segment.solution, recording.stationary.time)
 
 
-def _estimated(
+def _estimate_noise(
     flight: Flight, parts: "list[Solution]", chosen: Sequence[str], progress: Progress
 ) -> "tuple[InFlightNoise, bool]":
-    """The estimate, and whether it goes without the correlated error of the fixes that the solution
-    adopted on its own.
+    """Return the estimate, and whether it goes without the correlated error of the fixes that the
+    solution adopted on its own.
     """
     from ....navigation.innovations.innovation_noise import GAIN_OF_CORRELATION, in_flight_noise
     from ....navigation.innovations.pieces import without_correlated
@@ -211,11 +215,11 @@ def _estimated(
     adopted = [piece.problem.layout.gm >= 0 for piece in parts]
     if not any(adopted) or flight.gnss.gm_sigma != "auto":
         return in_flight_noise(parts, chosen, progress), False
-    bare = [
+    without_gm = [
         without_correlated(piece) if has else piece
         for piece, has in zip(parts, adopted, strict=True)
     ]
-    white = in_flight_noise(bare, chosen, progress)
+    white = in_flight_noise(without_gm, chosen, progress)
     if not all(adopted):
         return white, True
     with_gm = in_flight_noise(parts, chosen, progress)
@@ -225,7 +229,7 @@ def _estimated(
 
 
 def _rejections(solved: "list[Segment]") -> tuple[int, int]:
-    """Fixes offered, and those rejected or used only after a covariance reset."""
+    """Count the fixes offered, and those rejected or used only after a covariance reset."""
     from ....navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION_ROW, REJECTED
 
     verdict = np.concatenate([segment.solution.verdict[:, POSITION_ROW] for segment in solved])
@@ -234,7 +238,7 @@ def _rejections(solved: "list[Segment]") -> tuple[int, int]:
     )
 
 
-def _rejections_again(
+def _count_rejections_with(
     flight: Flight, recording: Recording, offered: int, progress: Progress
 ) -> int:
     """Count the fixes of `offered` that are rejected with another noise.
@@ -245,26 +249,27 @@ def _rejections_again(
 
     try:
         solved, _ = solve_segments(flight, recording, progress)
-        again, rejections = _rejections(solved)
+        offered_again, rejections = _rejections(solved)
     except InsgnssError:
         return offered
-    return rejections + max(offered - again, 0)
+    return rejections + max(offered - offered_again, 0)
 
 
-def _judged(
+def _judge(
     noise: "InFlightNoise", lost_before: int, lost_after: int, beyond: Sequence[Beyond] = ()
 ) -> tuple[bool, tuple[str, ...]]:
-    """Whether the static model gives way, and why, sentence by sentence.
+    """Return whether the estimate replaces the static model, and why, sentence by sentence.
+
     beyond : white noise that the spectrum rules out.
     """
     from ....navigation.diagnosis.evidence import MORE_LOST
     from ....navigation.innovations.innovation_noise import SIGNIFICANT_CHANCE
 
     if not noise.free:
-        held = tuple(
+        undetermined = tuple(
             f"{TUNED[name]} not determined by this flight: {why}" for name, why in noise.held
         )
-        return False, (*held, *(_doubts(noise, ()) if noise.asks_for_more else ()))
+        return False, (*undetermined, *(_reasons_against(noise, ()) if noise.asks_for_more else ()))
     gain = (
         f"-2 log L falls by {noise.gain:.1f} with {noise.free}"
         f" factor{'s' if noise.free > 1 else ''}, chance {chance_of(noise.chance)}"
@@ -272,7 +277,8 @@ def _judged(
     reasons = [f"{gain} (limit {SIGNIFICANT_CHANCE:g})"]
     if not noise.significant:
         return False, (*reasons, *longer_flight(noise))
-    if doubts := _doubts(noise, beyond):
+    doubts = _reasons_against(noise, beyond)
+    if doubts:
         return False, (*reasons, *doubts)
     before, after = noise.compared
     slack = NEARER * math.sqrt(2.0 / (3.0 * max(before.fixes, 1)))
@@ -281,21 +287,21 @@ def _judged(
         f"NIS {before.nis:.3f} before, {after.nis:.3f} after"
         + (", the fixes scaled as estimated" if noise.scaled else "")
     )
-    kept = lost_after <= lost_before + MORE_LOST * before.fixes
+    keeps_fixes = lost_after <= lost_before + MORE_LOST * before.fixes
     reasons.append(f"{lost_before} of {before.fixes} fixes rejected before, {lost_after} after")
-    return nearer and kept, tuple(reasons)
+    return nearer and keeps_fixes, tuple(reasons)
 
 
-def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
-    """What makes the factors stand in for something else."""
+def _reasons_against(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
+    """Return why the factors stand for something other than white noise, sentence by sentence."""
     from ....navigation.innovations.innovation_noise import WHITE_ENOUGH
 
     doubts = []
     if noise.asks_for_more:
-        held = " and ".join(TUNED[name] for name, _ in noise.held)
+        undetermined = " and ".join(TUNED[name] for name, _ in noise.held)
         doubts.append(
-            f"but the innovations rule out {held} as the static model has it, by {noise.loss:.1f}"
-            " in -2 log L, and determine no other value"
+            f"but the innovations rule out {undetermined} as the static model has it, by"
+            f" {noise.loss:.1f} in -2 log L, and determine no other value"
         )
     for name, ratio in beyond:
         doubts.append(
@@ -309,10 +315,11 @@ def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
             " this command"
         )
     if not noise.white:
-        w = noise.at_best.whiteness
+        whiteness = noise.at_best.whiteness
         doubts.append(
-            f"but the innovations stay correlated, {np.abs(w.lag_one).max():.2f} from fix to fix"
-            f" and {w.together.max():.2f} over {w.lags} fixes (limit {WHITE_ENOUGH:g}): they have"
+            f"but the innovations stay correlated, {np.abs(whiteness.lag_one).max():.2f} from fix"
+            f" to fix and {whiteness.together.max():.2f} over {whiteness.lags} fixes (limit"
+            f" {WHITE_ENOUGH:g}): they have"
             " another cause than white errors and IMU noise, such as fixes that the receiver has"
             " filtered, and the factors would absorb it"
         )

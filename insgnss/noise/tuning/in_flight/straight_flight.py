@@ -139,7 +139,8 @@ def straight_segments(solution: Solution) -> Array:
     ndarray, (k, 2)
         Begin and end of segments of `SHORTEST_SEGMENT_S` and longer, s.
     """
-    time, v = solution.time, solution.nav[:, VEL]
+    time = solution.time
+    v = solution.nav[:, VEL]
     if time[-1] - time[0] < SHORTEST_SEGMENT_S:
         return np.zeros((0, 2))
     grid = np.arange(time[0], time[-1], COURSE_GRID_S)
@@ -150,14 +151,16 @@ def straight_segments(solution: Solution) -> Array:
     )
     speed = np.linalg.norm(mean, axis=1)
     course = np.unwrap(np.arctan2(mean[:, 1], mean[:, 0]))
-    good = speed > MOVING_MS
-    safe = np.maximum(speed, MOVING_MS)
-    good &= np.abs(np.gradient(course, COURSE_GRID_S)) < STRAIGHT_RAD_S
-    good &= (np.abs(mean[:, 2]) < LEVEL_SLOPE * safe) & (
-        np.abs(np.gradient(speed, COURSE_GRID_S)) < STEADY_SPEED * safe
+    straight = speed > MOVING_MS
+    least_speed = np.maximum(speed, MOVING_MS)
+    straight &= np.abs(np.gradient(course, COURSE_GRID_S)) < STRAIGHT_RAD_S
+    straight &= (np.abs(mean[:, 2]) < LEVEL_SLOPE * least_speed) & (
+        np.abs(np.gradient(speed, COURSE_GRID_S)) < STEADY_SPEED * least_speed
     )
-    good[:width] = good[-width:] = False
-    edge = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int64), [0]]))).reshape(-1, 2)
+    straight[:width] = straight[-width:] = False
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(np.int64), [0]]))).reshape(
+        -1, 2
+    )
     segments = (
         np.column_stack([grid[edge[:, 0]], grid[edge[:, 1] - 1]]) if edge.size else np.zeros((0, 2))
     )
@@ -186,39 +189,41 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     dt = nominal_interval(imu.time)
     n = round(WELCH_WINDOW_S / dt)
     window = get_window("hann", n)
-    power, windows, used = np.zeros((6, n // 2 + 1)), 0, []
+    power = np.zeros((6, n // 2 + 1))
+    windows = 0
+    used_segments = []
     for begin, end in segments:
         samples = slice(*np.searchsorted(imu.time, [begin, end]))
         time = imu.time[samples]
         x = np.hstack([imu.gyro[samples] @ C_b_imu.T, imu.accel[samples] @ C_b_imu.T]) / (
             dt if imu.quantity == "increments" else 1.0
         )
-        before = windows
-        for first in range(0, time.size - n + 1, n // 2):
-            if time[first + n - 1] - time[first] > (n - 0.5) * dt:
+        windows_before = windows
+        for start in range(0, time.size - n + 1, n // 2):
+            if time[start + n - 1] - time[start] > (n - 0.5) * dt:
                 continue  # a gap
-            power += _periodogram(x[first : first + n], window, dt)
+            power += _periodogram(x[start : start + n], window, dt)
             windows += 1
-        if windows > before:
-            used.append((begin, end))
+        if windows > windows_before:
+            used_segments.append((begin, end))
     if not windows:
         return None
     frequency = np.asarray(np.fft.rfftfreq(n, dt)[1:-1], dtype=np.float64)
     S = power[:, 1:-1] / windows
-    freedom = _freedom(windows)
-    floor = _floor(frequency, S, freedom)
+    freedom = _degrees_of_freedom(windows)
+    floor = _noise_floor(frequency, S, freedom)
     above = floor * _line_ratio(freedom) < S
     lines = [
         line
         for channel, *of_channel in zip(CHANNELS, S, floor, above, strict=True)
-        for line in _lines(" ".join(channel), frequency, *of_channel)
+        for line in _spectral_lines(" ".join(channel), frequency, *of_channel)
     ]
-    without = np.where(_spread(above), np.minimum(S, floor), S)
+    without = np.where(_with_neighbouring_bins(above), np.minimum(S, floor), S)
     band = frequency >= LOWEST_HZ
-    least, level, begin = _octaves(frequency, without, HIGHEST / dt)
+    quietest, level, begin = _octave_levels(frequency, without, HIGHEST / dt)
     return StraightFlight(
         rate_hz=1.0 / dt,
-        segments=np.array(used),
+        segments=np.array(used_segments),
         windows=windows,
         frequency_hz=frequency,
         density=np.sqrt(0.5 * S),
@@ -226,29 +231,29 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
         lines=tuple(sorted(lines, key=lambda line: (line.channel, -line.rms))),
         mean_with_lines=np.sqrt(0.5 * S[:, band].mean(axis=1)),
         mean_without_lines=np.sqrt(0.5 * without[:, band].mean(axis=1)),
-        upper_limit=np.sqrt(0.5 * least),
+        upper_limit=np.sqrt(0.5 * quietest),
         level=np.sqrt(0.5 * level),
         level_from_hz=begin,
     )
 
 
 def _periodogram(x: Array, window: Array, dt: float) -> Array:
-    """(6, n // 2 + 1) one-sided power of x (n, 6), a straight line taken off."""
+    """Return the one-sided power (6, n // 2 + 1) of x (n, 6), a straight line taken off."""
     t = np.arange(len(x)) - 0.5 * (len(x) - 1)
     x = x - x.mean(axis=0) - np.outer(t, t @ x / (t @ t))
     return 2.0 * dt / np.sum(window**2) * np.abs(np.fft.rfft(x * window[:, None], axis=0).T) ** 2
 
 
-def _freedom(windows: int) -> float:
-    """Degrees of freedom of a mean of `windows` periodograms: half-overlapping Hann windows share
-    (1/6)^2 of their power (Welch 1967).
+def _degrees_of_freedom(windows: int) -> float:
+    """Return the degrees of freedom of a mean of `windows` periodograms: half-overlapping Hann
+    windows share (1/6)^2 of their power (Welch 1967).
     """
     return 2.0 * windows / (1.0 + (1.0 - 1.0 / windows) / 18.0)
 
 
-def _floor(frequency: Array, S: Array, freedom: float) -> Array:
-    """(6, n) median over half an octave on both sides, as a mean: that of chi-square is above its
-    median.
+def _noise_floor(frequency: Array, S: Array, freedom: float) -> Array:
+    """Return the median (6, n) over half an octave on both sides, as a mean: that of chi-square is
+    above its median.
     """
     from scipy.special import chdtri
 
@@ -261,33 +266,35 @@ def _floor(frequency: Array, S: Array, freedom: float) -> Array:
 
 
 def _line_ratio(freedom: float) -> float:
-    """Ratio to the floor that a bin of a level spectrum exceeds with the chance `LINE_CHANCE`."""
+    """Return the ratio to the floor that a bin of a level spectrum exceeds with the chance
+    `LINE_CHANCE`.
+    """
     from scipy.special import chdtri
 
     return max(LINE_POWER_RATIO, float(chdtri(freedom, LINE_CHANCE)) / freedom)
 
 
-def _spread(above: np.ndarray) -> np.ndarray:
-    """Bins of lines and one on both sides, into which the window smears them."""
+def _with_neighbouring_bins(above: np.ndarray) -> np.ndarray:
+    """Return the bins (6, n) of lines and one on both sides, into which the window smears them."""
     out = above.copy()
     out[:, 1:] |= above[:, :-1]
     out[:, :-1] |= above[:, 1:]
     return out
 
 
-def _lines(
+def _spectral_lines(
     channel: str, frequency: Array, S: Array, floor: Array, above: np.ndarray
 ) -> list[SpectralLine]:
-    """Runs of bins above the floor and above the band of the vehicle's motion, a bin on both sides
-    taken along.
+    """Return the lines: runs of bins above the floor and above the band of the vehicle's motion, a
+    bin on both sides taken along.
     """
     step = frequency[1] - frequency[0]
     runs = np.flatnonzero(
         np.diff(np.concatenate([[0], (above & (frequency >= LOWEST_HZ)).astype(np.int64), [0]]))
     ).reshape(-1, 2)
     lines = []
-    for first, stop in runs:
-        bins = slice(max(first - 1, 0), stop + 1)
+    for start, stop in runs:
+        bins = slice(max(start - 1, 0), stop + 1)
         if S[bins].max() < PEAK * max(S[bins.start], S[min(stop, S.size - 1)]):
             continue  # the flank of the vehicle's motion
         excess = np.maximum(S[bins] - floor[bins], 0.0)
@@ -305,7 +312,7 @@ def _lines(
     return lines
 
 
-def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, Array]:
+def _octave_levels(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, Array]:
     """Of the octaves from `highest` down to `LOWEST_HZ`: least mean power, that of the level ones
     and where these begin; (6,) each.
     """
@@ -313,7 +320,8 @@ def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, 
     means = np.array(
         [S[:, (frequency >= a) & (frequency < b)].mean(axis=1) for b, a in pairwise(edges)]
     )
-    level, begin = np.full(6, np.nan), np.full(6, np.nan)
+    level = np.full(6, np.nan)
+    begin = np.full(6, np.nan)
     for c, mean in enumerate(means.T):
         count = int(np.argmax(np.append(np.abs(mean / mean[0] - 1.0) > EVEN_POWER, True)))
         if count > 1:

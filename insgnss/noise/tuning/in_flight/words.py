@@ -48,35 +48,36 @@ def white_noise_of(models: tuple[NoiseModel, NoiseModel], name: str) -> str:
     return ""
 
 
-def remarks_on(n: "InFlightNoise") -> list[str]:
+def remarks_on(noise: "InFlightNoise") -> list[str]:
     """Return what is to be said of the factors: what a longer flight, or other sigmas, give."""
-    return [_correlations(n), *_length(n), *_advice(n)]
+    return [_describe_correlations(noise), *_advise_duration(noise), *_advise_sigmas(noise)]
 
 
-def _correlations(n: "InFlightNoise") -> str:
-    pairs = [(i, j) for i in range(len(n.names)) for j in range(i)]
+def _describe_correlations(noise: "InFlightNoise") -> str:
+    """Name the pairs of estimates that correlate by more than `CORRELATES`."""
+    pairs = [(i, j) for i in range(len(noise.names)) for j in range(i)]
     strong = [
-        f"{TUNED[n.names[i]]} and {TUNED[n.names[j]]} {n.correlation[i, j]:+.2f}"
+        f"{TUNED[noise.names[i]]} and {TUNED[noise.names[j]]} {noise.correlation[i, j]:+.2f}"
         for i, j in pairs
-        if abs(n.correlation[i, j]) > CORRELATES
+        if abs(noise.correlation[i, j]) > CORRELATES
     ]
-    most = max((abs(n.correlation[i, j]) for i, j in pairs), default=0.0)
-    uncorrelated = f"no two estimates correlate by more than {most:.2f}"
+    largest = max((abs(noise.correlation[i, j]) for i, j in pairs), default=0.0)
+    uncorrelated = f"no two estimates correlate by more than {largest:.2f}"
     return f"estimates correlate: {', '.join(strong)}" if strong else uncorrelated
 
 
-def _length(n: "InFlightNoise") -> list[str]:
+def _advise_duration(noise: "InFlightNoise") -> list[str]:
     """Return how long a flight would be good enough where this one is not.
 
     Standard errors fall with the root of time.
     """
     from ....navigation.innovations.likelihood import WHITE
 
-    sigmas = zip(n.names, n.log_sigma, strict=True)
+    sigmas = zip(noise.names, noise.log_sigma, strict=True)
     worst = max((sigma for name, sigma in sigmas if name in WHITE), default=0.0)
     if worst <= WANTED:
         return []
-    minutes = n.duration_s / 60.0 * (worst / WANTED) ** 2
+    minutes = noise.duration_s / 60.0 * (worst / WANTED) ** 2
     return [
         f"a standard error of {100 * WANTED:.0f} % would take {minutes:.0f} min of such a flight,"
         " or better or more frequent fixes"
@@ -91,24 +92,28 @@ def whiteness_rows(
         ("NIS a degree of freedom (1 is honest)", f"{before.nis:.3f}", f"{after.nis:.3f}"),
         ("fixes rejected", str(before.rejected), str(after.rejected)),
     ]
-    for label, key, form in (
+    for label, key, number_format in (
         (f"lag-one correlation (+-{before.whiteness.bound:.3f})", "lag_one", "+.3f"),
         (f"chance of white, {before.whiteness.lags} lags", "p_value", ".2g"),
     ):
         for k, axis in enumerate(("north", "east", "down")):
-            before_and_after = (getattr(one.whiteness, key)[k] for one in (before, after))
-            rows.append((f"{label}, {axis}", *(format(value, form) for value in before_and_after)))
+            before_and_after = (
+                getattr(innovations.whiteness, key)[k] for innovations in (before, after)
+            )
+            rows.append(
+                (f"{label}, {axis}", *(format(value, number_format) for value in before_and_after))
+            )
     return rows
 
 
-def _advice(n: "InFlightNoise") -> list[str]:
-    """What to do about fixes whose errors are not what they claim."""
+def _advise_sigmas(noise: "InFlightNoise") -> list[str]:
+    """Return what to do about fixes whose errors are not what they claim."""
     out = []
-    for name in n.off_claim:
-        k = n.names.index(name)
-        size = f"{n.factor[k]:.2f} +- {n.sigma(name):.2f} times what the fixes claim"
+    for name in noise.off_claim:
+        k = noise.names.index(name)
+        ratio = f"{noise.factor[k]:.2f} +- {noise.sigma(name):.2f} times what the fixes claim"
         out.append(
-            f"{TUNED[name]}: {size}; it was estimated together with the IMU's noise, so that"
+            f"{TUNED[name]}: {ratio}; it was estimated together with the IMU's noise, so that"
             " neither is mistaken for the other; correct the sigmas of the fixes"
         )
     return out
@@ -129,10 +134,12 @@ def spectrum_parts(
     for sensor, white, triad in _triads(static):
         densities = (straight.mean_with_lines, straight.mean_without_lines, straight.upper_limit)
         if white.all():
-            rows.append((sensor, *(f"{_mean(one[triad] / white):.2f}" for one in densities)))
+            rows.append(
+                (sensor, *(f"{_mean(density[triad] / white):.2f}" for density in densities))
+            )
     head = ("", "with lines", "without", "least octave (limit of white noise)")
     yield Table(rows, head, numbers=True)
-    yield from _limits(straight, static)
+    yield from _limits_of_white_noise(straight, static)
     for name, ratio in beyond_spectrum(straight, model, n):
         yield (
             f"{TUNED[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations"
@@ -158,7 +165,7 @@ def _triads(model: NoiseModel) -> "Iterator[tuple[str, np.ndarray, slice]]":
         yield sensor, white, slice(3 * k, 3 * k + 3)
 
 
-def _limits(straight: "StraightFlight", model: NoiseModel) -> Iterator[str]:
+def _limits_of_white_noise(straight: "StraightFlight", model: NoiseModel) -> Iterator[str]:
     """Yield what the spectrum says of white noise.
 
     Its level where there is one, and that it cannot exceed the quietest octave.
@@ -170,7 +177,8 @@ def _limits(straight: "StraightFlight", model: NoiseModel) -> Iterator[str]:
                 f"{sensor}: level from {begin:.1f} Hz on, as white noise"
                 f" {_mean(straight.level[triad] / static):.2f} times the static model's is"
             )
-        if (ratio := _mean(static / straight.upper_limit[triad])) > TOO_MUCH:
+        ratio = _mean(static / straight.upper_limit[triad])
+        if ratio > TOO_MUCH:
             yield (
                 f"{sensor}: white noise cannot be {ratio:.1f} times the quietest octave, as the"
                 " static model has it"
@@ -223,5 +231,5 @@ def chance_of(p: float) -> str:
 
 
 def _mean(ratio: np.ndarray) -> float:
-    """Root mean square over a triad."""
+    """Return the root mean square over a triad."""
     return float(np.sqrt(np.mean(ratio**2)))
