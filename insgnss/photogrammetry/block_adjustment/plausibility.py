@@ -220,7 +220,8 @@ def _refuse_images(
     if len(out) > min(MOST_NAMED_IMAGES, 0.2 * n):
         _refuse_broken(inputs, whole, float(limit.max()))
         return
-    if not out or (inputs.file.aerial_control.positions_alone and not failed):
+    control = inputs.file.aerial_control
+    if not out or (control.positions_alone and not control.absolute_attitudes and not failed):
         return  # first attitudes are no observations: the adjustment tells which images do not fit
     some = sorted(i for i, _ in out)
     named = " and ".join(names[i] for i in some)
