@@ -21,7 +21,7 @@ from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
 from .aerial.relative import WEAK_DATUM
-from .parameters import SIGNIFICANT_SIGMAS, determined
+from .parameters import SIGNIFICANT_SIGMAS, determined, long_lever_arm
 from .residuals.pattern import Pattern, patterns, repeating
 from .residuals.surveys import shift_of_check_points, two_surveys
 from .solve import GROUND_CONTROL, AdjustedBlock
@@ -99,7 +99,7 @@ def judged(
     Judgement
         Headline, findings, what was determined.
     """
-    beyond = list(_components(figures))
+    beyond, file = list(_components(figures)), solved.inputs.file
     drawn = patterns(solved)
     beyond += _checks(figures)
     beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
@@ -122,14 +122,14 @@ def judged(
         ]
     else:
         beyond += _hidden(trials_made)
-        beyond += unnoticed(solved, trials_made, HIDDEN)
+        beyond += [*unnoticed(solved, trials_made, HIDDEN), *long_lever_arm(file, figures)]
     findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
     findings += _weakly_held(figures)
     findings += [] if solved.inputs.unchecked is None else [solved.inputs.unchecked]
     findings += [*_images(solved), *_lever_arm(solved)]
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
-    accepted = solved.inputs.file.adjustment.accept
+    accepted = file.adjustment.accept
     wrong = {f.name for f in beyond if f.rank >= TOO_LARGE}
     if any(t.moves_sigmas > TOO_LARGE for t in trials_made if t.explains or t.gain > _limit(t)):
         wrong |= {f.name for f in beyond if f.rank >= 1.0}

@@ -81,7 +81,9 @@ def refuse_implausible(inputs: BlockInputs, failed: bool = False) -> None:
         limit = np.inf if failed else max(NOT_MEETING_SHARE * size, ATTITUDE_SIGMAS * sigma)
         _refuse_readings(inputs, few, misclosure_px, (doubtful, limit))
     whole = replace(whole, C=whole.C @ rotation_from_vector(turn))
-    _refuse_images(inputs, whole, misclosure_px, 0.0 if failed else NOT_MEETING_SHARE * size)
+    _refuse_images(
+        inputs, whole, misclosure_px, 0.0 if failed else NOT_MEETING_SHARE * size, failed
+    )
     _refuse_ground(inputs, whole, misclosure_px)
     _refuse_vehicle(inputs, turn)
 
@@ -197,7 +199,7 @@ def _refuse_broken(inputs: BlockInputs, whole: BlockReading, good_px: float) -> 
 
 
 def _refuse_images(
-    inputs: BlockInputs, whole: BlockReading, misclosure_px: float, least: float
+    inputs: BlockInputs, whole: BlockReading, misclosure_px: float, least: float, failed: bool
 ) -> None:
     """Refuse a block some images of which do not fit, and name them."""
     names = inputs.block.images
@@ -218,8 +220,9 @@ def _refuse_images(
     if len(out) > min(MOST_NAMED_IMAGES, 0.2 * n):
         _refuse_broken(inputs, whole, float(limit.max()))
         return
-    if not out:
-        return
+    control = inputs.file.aerial_control
+    if not out or (control.positions_alone and not control.absolute_attitudes and not failed):
+        return  # first attitudes are no observations: the adjustment tells which images do not fit
     some = sorted(i for i, _ in out)
     named = " and ".join(names[i] for i in some)
     text = (

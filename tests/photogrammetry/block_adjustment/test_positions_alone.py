@@ -473,3 +473,11 @@ def test_ground_points_of_another_plane_are_placed(by_header, tmp_path):
         GroundAxes(origin, tmp_path / "geoid.gtx").geodetic(ground.position_m)
     with pytest.raises(UsageError, match="no origin of a tangent plane"):
         GroundAxes("origin 146.57 6.54 deg 0 m").geodetic(ground.position_m)
+
+
+@pytest.mark.slow
+def test_a_long_lever_arm_that_nobody_states_leaves_no_orientation(flown, without_imu):
+    """Oracle: the planted lever arm, 0.4 m; a datum and a delay look alike."""
+    done = adjust(block_of(flown, without_imu(3, (0.0, 0.0, -0.4))), write=False)
+    refused = {one.name: one.found for one in done.judgement.refused}
+    assert "shift of ground control" in refused.get("lever arm", ""), done.judgement.headline

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -216,6 +217,21 @@ def test_what_does_not_belong_is_refused_by_name(case, right) -> None:
     plant, message = CASES[case]
     with pytest.raises(DataError, match=message):
         refuse_implausible(plant(right))
+
+
+def test_a_poor_first_attitude_is_refused_only_where_the_adjustment_failed(right) -> None:
+    """Oracle: one attitude turned by 40 deg: an observation of an eo.json, a first value else."""
+    C = right.block.C_mc.copy()
+    C[6] = C[6] @ rotation_from_vector(np.radians([0.0, 40.0, 0.0]))
+    turned = with_poses(right, right.block.position_m, C)
+    named = re.escape(right.block.images[6])
+    with pytest.raises(DataError, match=named):
+        refuse_implausible(turned)
+    control = replace(right.file.aerial_control, file=Path("Timestamp.MRK"), control="Ap")
+    alone = replace(turned, file=replace(right.file, aerial_control=control))
+    refuse_implausible(alone)
+    with pytest.raises(DataError, match=named):
+        refuse_implausible(alone, failed=True)
 
 
 @pytest.mark.parametrize(
