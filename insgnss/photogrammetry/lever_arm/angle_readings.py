@@ -60,6 +60,6 @@ def better_angles(
     if not redundancy * (as_read - least) > BETTER_BY * growth * max(least, 1.0):
         return ()
     return (
-        f"the antenna positions fit {np.sqrt(as_read / least):.2f} times as well if {statement}: are"
-        " its angles read rightly? The lever arm is wrong if not",
+        f"the antenna positions fit {np.sqrt(as_read / least):.2f} times as well if {statement}:"
+        " are its angles read rightly? The lever arm is wrong if not",
     )
