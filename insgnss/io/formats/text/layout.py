@@ -363,9 +363,9 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
 
 def kinds_of_lines(rows: Sequence[Sequence[str]]) -> set[str]:
     """Return the words that tell lines apart, of which all with one have as many fields."""
-    words = [WORD.search(",".join(row[:2])) for row in rows]
+    leading = [WORD.search(",".join(row[:2])) for row in rows]
     pairs = Counter(
-        ("" if word is None else word[0], len(row)) for word, row in zip(words, rows, strict=True)
+        ("" if word is None else word[0], len(row)) for word, row in zip(leading, rows, strict=True)
     )
     kinds = {word for word, _ in pairs}
     several = 1 < len(kinds) == len(pairs) and min(pairs.values()) > 1
