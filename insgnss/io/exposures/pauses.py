@@ -3,7 +3,8 @@
 A trigger is even in time or along the path on each flight line, and an image that it misses leaves
 a multiple of its interval. Where one on a straight line is none, and images behind it keep to it,
 as they do not behind a late one, the camera paused or its clock was set: no data tell which, so it
-is asked.
+is asked. So it is within a turn where the trigger is even in time there, too; a camera that waits
+in turns says nothing of a step in one.
 """
 
 import numpy as np
@@ -46,6 +47,8 @@ def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.
     step, of_line = np.diff(events.time), np.cumsum(~straight)
     lines = [np.flatnonzero(straight & (of_line == k)) for k in np.unique(of_line[straight])]
     lines = [rows for rows in lines if rows.size >= ENOUGH_INTERVALS]
+    if _even_in_turns(step, straight):
+        lines = [np.arange(step.size)]
     if not lines:
         return ask.ok("too few exposures on straight lines to compare")
     in_time, along = (
@@ -63,11 +66,12 @@ def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.
         return ask.ok(f"intervals even to {spread:.1%}")
     rows, ratio, index = steps[0]
     k, usual_s = int(rows[index]), float(np.median(step[rows]))
+    course = "on a straight line" if straight[k] else "in a turn"
+    lack_s, pair = step[k] - usual_s, f"{events.images[k]} and {events.images[k + 1]}"
     finding = (
-        f"{step[k]:.2f} s pass between images {events.images[k]} and {events.images[k + 1]} on a"
-        f" straight line, {ratio[index]:.2f} times the usual interval of {usual_s:.2f} s, and"
-        f" missed images leave a multiple; if the clock was set there, the stamps before lack"
-        f" {step[k] - usual_s:+.2f} s"
+        f"{step[k]:.2f} s pass between images {pair} {course}, {ratio[index]:.2f} times the usual"
+        f" interval of {usual_s:.2f} s, and missed images leave a multiple; if the clock was set"
+        f" there, the stamps before lack {lack_s:+.2f} s"
     )
     remedy = Step(
         "add the step to the stamps before, if the clock was set; if the camera paused, set {}",
@@ -76,8 +80,17 @@ def check_even_intervals(events: CameraEvents, way: Array, straight: NDArray[np.
     return ask.note(finding, remedy)
 
 
+def _even_in_turns(step: Array, straight: NDArray[np.bool_]) -> bool:
+    """Whether a trigger is even in time in turns as well, so that a step within one shows."""
+    if step.size < ENOUGH_INTERVALS or straight.all():
+        return False
+    ratio = step / max(float(np.median(step)), 1e-9)
+    even = np.abs(ratio - np.maximum(np.rint(ratio), 1.0)) < OFF_MULTIPLE
+    return bool((~even).sum() <= MOST_STEPS and (even & ~straight).sum() >= ENOUGH_INTERVALS)
+
+
 def _spread(ratios: list[Array]) -> float:
-    """Standard deviation of the intervals of lines by the usual one of each."""
+    """Standard deviation of the intervals of lines by the usual one of each, robust."""
     return MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(ratios) - 1.0)))
 
 
