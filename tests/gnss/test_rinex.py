@@ -583,6 +583,26 @@ def test_late_and_double_epochs_come_into_their_order(tmp_path, order):
     assert mixed.notes[0].found.startswith("1 ")
 
 
+@pytest.mark.parametrize("by_s", [0.5, 0.6, 18.0])
+@pytest.mark.parametrize("step_s", [0.2, 1.0])
+def test_a_receiver_clock_that_was_set_back_is_named(tmp_path, by_s, step_s):
+    """Oracle: the step that was planted; a file that was copied behind itself is none."""
+    stamps = [step_s * k + (by_s if k < 100 else 0.0) for k in range(300)]
+    rows = [
+        w.epoch2(at(round(t % 60.0, 7), int(t // 60.0)), {"G01": [1.0 + k], "R02": [2.0 + k]})
+        for k, t in enumerate(stamps)
+    ]
+    text = w.header2(["C1"]) + "".join(rows)
+    if step_s > by_s - 1e-9:  # no stamp is met again
+        assert reading(tmp_path, text).time.size == 300
+        return
+    error = rf"set back by {by_s:.3f} s here.* 100 epochs before and 200 behind"
+    with pytest.raises(InputError, match=error):
+        reading(tmp_path, text)
+    twice = w.header2(["C1"]) + "".join(rows[100:]) + "".join(rows[100:])
+    assert reading(tmp_path, twice).time.size == 200
+
+
 def test_comments_and_blank_lines_between_epochs_are_stepped_over(tmp_path):
     """Oracle: the file without them."""
     one, two = (w.epoch2(at(float(k)), {"G01": [1.0 + k]}) for k in range(2))

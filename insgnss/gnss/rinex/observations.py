@@ -17,7 +17,7 @@ number and counted.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +51,9 @@ TICKS_PER_WEEK = 6_048_000_000_000  # 604 800 s of `_kernels.TICKS_PER_S`
 # years away, and seconds of a week years away are doubles too coarse for the others
 LONGEST_WEEKS = 52
 SLIPS = 6  # epoch flag of records of cycle slips, which are no observations
+# epochs of a file in which a clock that was set back is told from epochs out of order, and the
+# intervals of a pause that missing ones leave
+FEWEST_AROUND, PAUSE = 20, 1.5
 SAMPLE = 1 << 18  # bytes by which the number of lines is guessed
 MEANINGS = {
     2: "the antenna starts to move",
@@ -387,11 +390,45 @@ class _Reading(AtLines):
                 self.values[rows_i], self.values[rows_k], equal_nan=True
             )
 
+        _refuse_set_back(Picked(self, places), time[places], is_repeated)
         rows, notes = put_in_order(Picked(self, places), time[places], is_repeated, "epochs")
         self.notes += notes
         if rows is not None:
             return places[rows]
         return None if real.all() else places
+
+
+def _refuse_set_back(lines: Picked, time: Array, same: Callable[[int, int], bool]) -> None:
+    """Refuse epochs of a receiver whose clock was set back, which sorted would be mixed.
+
+    Epochs that a program wrote out of order leave a pause where they are missing, a clock none.
+
+    Parameters
+    ----------
+    lines : Picked
+        Where the epochs stand.
+    time : ndarray, (n,)
+        Their stamps, s.
+    same : callable
+        Tells whether two epochs agree in every value.
+    """
+    steps = np.diff(time)
+    (back,) = np.nonzero(steps < 0.0)
+    if back.size != 1 or time.size < FEWEST_AROUND:
+        return
+    row, interval = int(back[0]) + 1, float(np.median(steps))
+    again = np.searchsorted(time[:row], time[row])  # the first epoch that its stamp follows or is
+    behind = row + np.searchsorted(time[row:], time[row - 1], side="right")
+    around = np.concatenate([steps[again - 1 if again else 0 : row - 1], steps[row:behind]])
+    if row - again < 2 or (around > PAUSE * interval).any() or same(int(again), row):
+        return
+    by = interval - float(steps[row - 1])
+    raise lines.error_at(
+        row,
+        f"the receiver's clock was set back by {by:.3f} s here, to {time[row]:.3f} s: {row} epochs"
+        f" before and {time.size - row} behind have stamps of two clocks, and the earlier ones were"
+        " set for being wrong; cut the file here and process what is behind",
+    )
 
 
 def _gpst_ticks(

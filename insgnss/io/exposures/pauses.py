@@ -3,7 +3,8 @@
 A trigger is even in time or along the path on each flight line, and an image that it misses leaves
 a multiple of its interval. Where one on a straight line is none, and images behind it keep to it,
 as they do not behind a late one, the camera paused or its clock was set: no data tell which, so it
-is asked.
+is asked. So it is within a turn where the trigger is even in time there, too; a camera that waits
+in turns says nothing of a step in one.
 """
 
 import numpy as np
@@ -48,6 +49,8 @@ def check_even_intervals(
     interval_s, of_line = np.diff(events.time), np.cumsum(~straight)
     lines = [np.flatnonzero(straight & (of_line == row)) for row in np.unique(of_line[straight])]
     lines = [rows for rows in lines if rows.size >= ENOUGH_INTERVALS]
+    if _even_in_turns(interval_s, straight):
+        lines = [np.arange(interval_s.size)]
     if not lines:
         return question.ok("too few exposures on straight lines to compare")
     time_ratios, distance_ratios = (
@@ -70,11 +73,13 @@ def check_even_intervals(
         return question.ok(f"intervals even to {spread:.1%}")
     rows, ratio, index = steps[0]
     row, usual_s = int(rows[index]), float(np.median(interval_s[rows]))
+    course = "on a straight line" if straight[row] else "in a turn"
+    lack_s = interval_s[row] - usual_s
+    pair = f"{events.images[row]} and {events.images[row + 1]}"
     finding = (
-        f"{interval_s[row]:.2f} s pass between images {events.images[row]} and"
-        f" {events.images[row + 1]} on a straight line, {ratio[index]:.2f} times the usual interval"
-        f" of {usual_s:.2f} s, and missed images leave a multiple; if the clock was set there, the"
-        f" stamps before lack {interval_s[row] - usual_s:+.2f} s"
+        f"{interval_s[row]:.2f} s pass between images {pair} {course}, {ratio[index]:.2f} times the"
+        f" usual interval of {usual_s:.2f} s, and missed images leave a multiple; if the clock was"
+        f" set there, the stamps before lack {lack_s:+.2f} s"
     )
     remedy = Step(
         "add the step to the stamps before, if the clock was set; if the camera paused, set {}",
@@ -83,8 +88,17 @@ def check_even_intervals(
     return question.note(finding, remedy)
 
 
+def _even_in_turns(interval_s: Array, straight: NDArray[np.bool_]) -> bool:
+    """Whether a trigger is even in time in turns as well, so that a step within one shows."""
+    if interval_s.size < ENOUGH_INTERVALS or straight.all():
+        return False
+    ratio = interval_s / max(float(np.median(interval_s)), 1e-9)
+    even = np.abs(ratio - np.maximum(np.rint(ratio), 1.0)) < OFF_MULTIPLE
+    return bool((~even).sum() <= MOST_STEPS and (even & ~straight).sum() >= ENOUGH_INTERVALS)
+
+
 def _spread(ratios: list[Array]) -> float:
-    """Standard deviation of the intervals of lines by the usual one of each."""
+    """Standard deviation of the intervals of lines by the usual one of each, robust."""
     return MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(ratios) - 1.0)))
 
 

@@ -56,10 +56,10 @@ def better_angles(
     candidates = suspected(source, readings, lambda C, change: change(C))
     factors = {one.statement: factor(one.read(few.C_rc)) for one in candidates}
     statement, least = min(factors.items(), key=lambda item: item[1])
-    given, redundancy = factor(few.C_rc), 3 * (len(rows) + len(ground.model)) - 10
-    if not redundancy * (given - least) > BETTER_BY * growth * max(least, 1.0):
+    as_read, redundancy = factor(few.C_rc), 3 * (len(rows) + len(ground.model)) - 10
+    if not redundancy * (as_read - least) > BETTER_BY * growth * max(least, 1.0):
         return ()
     return (
-        f"the antenna positions fit {np.sqrt(given / least):.2f} times as well if {statement}: are"
-        " its angles read rightly? The lever arm is wrong if not",
+        f"the antenna positions fit {np.sqrt(as_read / least):.2f} times as well if {statement}:"
+        " are its angles read rightly? The lever arm is wrong if not",
     )

@@ -427,15 +427,15 @@ def _refuse_outside(path: Path, x: Array, projection: MapProjection, far_deg: fl
     """Refuse positions far from the area of their CRS, where a similarity would stretch them."""
     if far_deg <= FAR_DEG:
         return
-    other = ""
+    inside = ""
     for reading, y in (("x and y are exchanged", x[:, [1, 0, 2]]), ("they are feet", FOOT_M * x)):
         with suppress(InputError):
             lat, lon, _ = projection.inverse(y)
             if projection.degrees_outside(lat, lon) == 0.0:
-                other = f"; inside it if {reading}"
+                inside = f"; inside it if {reading}"
     raise InputError(
         f"{path}: positions such as {x[0, 0]:.3f} {x[0, 1]:.3f} lie outside the area of"
-        f" {projection.name}{other}; give their own CRS and unit, with --crs, or add what was"
+        f" {projection.name}{inside}; give their own CRS and unit, with --crs, or add what was"
         " subtracted from them"
     )
 

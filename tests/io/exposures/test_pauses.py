@@ -7,6 +7,7 @@ import pytest
 
 from insgnss.io.exposures.pauses import check_even_intervals
 from insgnss.navigation.recognise.turns import exposure_ways
+from insgnss.records import CameraEvents
 from insgnss.simulation.scenario import ImuOptions, simulate_flight
 
 
@@ -52,3 +53,31 @@ def test_right_missed_and_late_images_raise_no_question(flown):
         late = draw.normal(0.0, 0.02, count)
         late[draw.permutation(count)[:4]] += draw.uniform(0.2, 1.0)
         assert asked(flown, late).verdict == "ok"
+
+
+def through_turns(flown, seed):
+    """Exposures every 2 s of a whole flight, jitter of 5 ms."""
+    gnss = flown[1]
+    time = np.arange(gnss.time[0] + 70.0, gnss.time[-1] - 20.0, 2.0)
+    time += np.random.default_rng(seed).normal(0.0, 0.005, time.size)
+    images = tuple(f"{k:04d}" for k in range(time.size))
+    return CameraEvents(images=images, time=time, gps_week=gnss.gps_week, source=""), gnss
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_step_within_a_turn_is_asked_about_where_the_trigger_goes_on(flown, seed):
+    """Oracle: the step; without it, and with missed and late images, nothing is asked."""
+    draw, whole = np.random.default_rng(seed), through_turns(flown, seed)
+    events, gnss = whole
+    turning = np.flatnonzero(~exposure_ways(events.time, gnss)[1])
+    turning = turning[(turning > 5) & (turning < events.time.size - 6)]
+    at = int(draw.choice(turning))
+    check = asked(whole, 0.7 * (np.arange(events.time.size) > at))
+    assert check.verdict == "note"
+    assert f"{events.images[at]} and {events.images[at + 1]} " in check.found
+    assert float(check.found.rpartition("lack ")[2].split()[0]) == pytest.approx(0.7, abs=0.05)
+    assert asked(whole).verdict == "ok"
+    late = np.zeros(events.time.size)
+    late[draw.permutation(events.time.size)[:4]] += draw.uniform(0.3, 1.0)
+    assert asked(whole, late).verdict == "ok"
+    assert asked(whole, keep=np.sort(draw.permutation(events.time.size)[9:])).verdict == "ok"

@@ -156,6 +156,17 @@ def test_a_date_in_columns_of_its_parts_is_a_clock(tmp_path, fraction, undated):
     assert not any("taken as UTC" in note.found for note in imu.notes)  # the names say it
 
 
+@pytest.mark.parametrize("stamp", ["", "12.5 $"])
+def test_lines_of_several_kinds_are_named(tmp_path, stamp):
+    """Oracle: the words of the loggers' lines; a file of one kind with lines cut has none."""
+    path = tmp_path / "log.txt"
+    rows = [f"{stamp}VNIMU,{k},0.1,0.2,0.3,0.4,0.5,9.8" for k in range(300)]
+    rows[5::10] = [f"{stamp}VNGPS,{k},46.5,6.5" for k in range(30)]
+    path.write_text("\n".join(rows) + "\n")
+    with pytest.raises(InputError, match="lines of 2 kinds, VNGPS, VNIMU: write each to a file"):
+        read_imu(path)
+
+
 def test_lines_of_another_length_are_counted(tmp_path):
     """Oracle: the lines that were cut here, one in ten."""
     path = tmp_path / "imu.csv"

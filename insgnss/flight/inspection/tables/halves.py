@@ -87,7 +87,7 @@ def _triad(path: Path, grid: UnknownTable) -> tuple[Role, dict[str, int]] | None
     if any("(" in (grid.names[k] or "") or "[" in (grid.names[k] or "") for k in places):
         return None  # a unit of something else
     stem = squashed(path.stem)
-    by_name = [role for role, words in IN_NAME.items() if any(word in stem for word in words)]
+    by_name = [role for role, stems in IN_NAME.items() if any(one in stem for one in stems)]
     if len(by_name) != 1:
         return None
     return by_name[0], dict(zip(TRIAD_COLUMNS[by_name[0]], places, strict=True))

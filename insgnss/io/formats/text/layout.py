@@ -29,6 +29,8 @@ from ....base.inputs import BOM
 from ....base.units import LARGEST_UNIT, spells_zero
 from .pieces import FileBytes
 
+WORD = re.compile(r"[A-Za-z]{2,}")  # in the first fields of a line, which may begin with a stamp
+
 COMMENTS = ("#", "%", "!", ";", "//")
 # data lines that settle delimiter, decimal sign and number of fields: all alike (chosen)
 SAMPLE_LINES = 20
@@ -357,3 +359,14 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
         pairs = zip(names, units, strict=True)
         names = tuple(f"{name} [{unit}]" if unit else name for name, unit in pairs)
     return replace(layout, header=named[1].strip(), header_fields=names, header_line=named[0])
+
+
+def kinds_of_lines(rows: Sequence[Sequence[str]]) -> set[str]:
+    """Return the words that tell lines apart, of which all with one have as many fields."""
+    leading = [WORD.search(",".join(row[:2])) for row in rows]
+    pairs = Counter(
+        ("" if word is None else word[0], len(row)) for word, row in zip(leading, rows, strict=True)
+    )
+    kinds = {word for word, _ in pairs}
+    several = 1 < len(kinds) == len(pairs) and min(pairs.values()) > 1
+    return kinds if several and "" not in kinds else set()

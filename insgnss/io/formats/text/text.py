@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....base.files import lines_of
 from ....base.inputs import BOM, opened, readable
+from ....base.wording import some
 from ....records import Array
 from .dates import is_date, joined_dates, seconds_of_dates, take_calendar
 from .layout import (
@@ -27,6 +28,7 @@ from .layout import (
     float_of,
     is_binary,
     is_comment,
+    kinds_of_lines,
     refuse_long,
     row_fields,
     shown,
@@ -39,6 +41,7 @@ from .pieces import FileBytes, shrunk
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers: of fewer Python prints as fast as a kernel is loaded
 _PLAIN_FORMAT = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
+MOST_KINDS = 6  # of lines, in a message
 AROUND_FAULT_BYTES = 1 << 16  # bytes before and behind a fault: its line is looked for there
 TRUNCATED = "truncated: the file ends within this line; copy it again or delete the line"
 PIECES_FROM = 1 << 22  # bytes of a file: a smaller one is simply read
@@ -365,13 +368,21 @@ def _fields_of(buf: NDArray[np.uint8], layout: TextLayout) -> list[list[str]]:
     return [row_fields(row, layout) for _, row in data_lines("", text)]
 
 
-def _like_it(buf: NDArray[np.uint8], layout: TextLayout) -> str:
-    """Say how many data lines have another number of fields, where it is more than one."""
+def _like_it(buf: NDArray[np.uint8], layout: TextLayout, advice: str) -> str:
+    """Say how many data lines have another number of fields, where it is more than one; and advice.
+
+    Of lines that each begin with one of a few words, as loggers of several sensors write them, say
+    what belongs to each.
+    """
     rows = _fields_of(buf, layout)
     uneven = sum(len(row) != layout.n_fields for row in rows)
     if uneven < 2:
-        return ""
-    return f"; {uneven} of {len(rows)} lines have another number of fields than {layout.n_fields}"
+        return f"; {advice}"
+    if kinds := kinds_of_lines(rows):
+        named = some(sorted(kinds), MOST_KINDS)
+        return f"; it has lines of {len(kinds)} kinds, {named}: write each to a file of its own"
+    other_lines = f"{uneven} of {len(rows)} lines have another number of fields"
+    return f"; {other_lines} than {layout.n_fields}; {advice}"
 
 
 def _refusal(
@@ -406,7 +417,7 @@ def _refusal(
         return at_the_line.error(f"{quoted}, {problem}; {advice}")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
         problem = f"{len(fields)} fields, expected {layout.n_fields}: {quoted}"
-        return at_the_line.error(f"{problem}{_like_it(buf, layout)}; {advice}")
+        return at_the_line.error(f"{problem}{_like_it(buf, layout, advice)}")
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
     field = shown(fields[column]) if column < len(fields) and fields[column] else "nothing"
