@@ -220,12 +220,12 @@ def nearest(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
     import difflib
 
     names = list(choices)
-    close = difflib.get_close_matches(word, names, n=1, cutoff=likeness)
-    return next(iter(close or difflib.get_close_matches(word.lower(), names, n=1)), "")
+    similar = difflib.get_close_matches(word, names, n=1, cutoff=likeness)
+    return next(iter(similar or difflib.get_close_matches(word.lower(), names, n=1)), "")
 
 
 def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
     """Return advice for a word that is not known: the nearest choice, or all of them."""
     names = list(choices)
-    close = nearest(word, names, likeness)
-    return f"did you mean {close!r}?" if close else f"known are {', '.join(names)}"
+    similar = nearest(word, names, likeness)
+    return f"did you mean {similar!r}?" if similar else f"known are {', '.join(names)}"

@@ -150,8 +150,8 @@ def paths_named_by(options: Any) -> Iterator[Path]:
     if isinstance(options, Path):
         yield options
     elif is_dataclass(options):
-        for one in fields(options):
-            yield from paths_named_by(getattr(options, one.name))
+        for option in fields(options):
+            yield from paths_named_by(getattr(options, option.name))
     elif isinstance(options, Mapping):
         for value in options.values():
             yield from paths_named_by(value)
@@ -202,9 +202,9 @@ def refuse_overwriting(
     goals: Iterable[Path], inputs: Iterable[Path | None], advice: str = "another directory by --out"
 ) -> None:
     """Raise UsageError where a product would take the place of an input."""
-    taken = {path.resolve() for path in inputs if path is not None}
+    input_paths = {path.resolve() for path in inputs if path is not None}
     for goal in goals:
-        if goal.resolve() in taken:
+        if goal.resolve() in input_paths:
             raise UsageError(f"the product {goal} would overwrite an input; give {advice}")
 
 

@@ -151,7 +151,7 @@ def noise_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -
         if key in settings:
             options[name] = settings[key] if key == "topic" else _positive(key, settings[key])
     model = load_noise_model(str(arguments.eo))
-    beside = arguments.eo.parent if arguments.eo.is_file() else Path()
+    folder = arguments.eo.parent if arguments.eo.is_file() else Path()
     text = text_for(arguments.format, model, **options)
 
     kept = options.get("cluster_s", 10.0)
@@ -164,7 +164,7 @@ def noise_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -
         atomic_write(out, text)
         return Exported(out, "", (note,), format=arguments.format)
 
-    return _written(arguments, beside / CONSUMER_FORMS[arguments.format][0], write, progress)
+    return _written(arguments, folder / CONSUMER_FORMS[arguments.format][0], write, progress)
 
 
 def _written(
@@ -260,7 +260,7 @@ def _warn_of_changed_inputs(eo: Path) -> None:
     from ..batch.season.archive import changed_since
     from ..flight.exporting.replacing import DOCUMENTS
 
-    if changed := [name for one in DOCUMENTS for name in changed_since(eo.parent / one)]:
+    if changed := [name for document in DOCUMENTS for name in changed_since(eo.parent / document)]:
         warnings.warn(
             f"{eo} is older than {', '.join(changed)}: the export has the orientations from"
             " before this change; process again to export the present ones",

@@ -137,8 +137,8 @@ def _published(options: argparse.Namespace, progress: Progress) -> Message:
     write_survey = plugged("published_blocks.files").write_survey
 
     progress(f"simulating {options.flight}")
-    turn = options.unknown_boresight or 0.0
-    survey = simulate_survey(options.flight, options.seed, boresight_deg=turn)
+    boresight_deg = options.unknown_boresight or 0.0
+    survey = simulate_survey(options.flight, options.seed, boresight_deg=boresight_deg)
     write_survey(options.directory, survey)
     block = options.directory / "block.toml"
     message = f"{block}\nnext: insgnss adjust {block}"

@@ -122,8 +122,8 @@ def _rows_before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray
             f"Trajectory: {instant:.6f} s is outside {begin:.6f} to {end:.6f} s; "
             "choose instants within"
         )
-    after = np.searchsorted(trajectory.time, time, side="right")
-    return np.clip(after - 1, 0, max(len(trajectory) - 2, 0))
+    row_after = np.searchsorted(trajectory.time, time, side="right")
+    return np.clip(row_after - 1, 0, max(len(trajectory) - 2, 0))
 
 
 def _refuse_gaps(time: Array, h: Array, u: Array) -> None:

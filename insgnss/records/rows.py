@@ -287,13 +287,13 @@ class Rows:
         lat, lon = np.degrees(self.lat), np.degrees(self.lon)
         return {"tow": self.time, "lat_deg": lat, "lon_deg": lon, "h_m": self.height}
 
-    def _nearest(self, wanted: Array) -> NDArray[np.int64]:
+    def _nearest(self, instants: Array) -> NDArray[np.int64]:
         if not len(self):
-            return np.zeros(wanted.size, dtype=np.int64)
-        after = np.clip(np.searchsorted(self.time, wanted), 0, len(self) - 1)
-        before = np.maximum(after - 1, 0)
-        nearer = np.abs(self.time[before] - wanted) <= np.abs(self.time[after] - wanted)
-        return np.where(nearer, before, after).astype(np.int64)
+            return np.zeros(instants.size, dtype=np.int64)
+        row_after = np.clip(np.searchsorted(self.time, instants), 0, len(self) - 1)
+        row_before = np.maximum(row_after - 1, 0)
+        nearer = np.abs(self.time[row_before] - instants) <= np.abs(self.time[row_after] - instants)
+        return np.where(nearer, row_before, row_after).astype(np.int64)
 
     def _chosen(self, key: Any) -> Chosen:
         if isinstance(key, str):
@@ -337,8 +337,10 @@ class Rows:
         try:
             return int(names.index(name))
         except ValueError:
-            near = ", ".join(difflib.get_close_matches(name, names, n=3)) or ", ".join(names[:3])
-            raise KeyError(f"{name!r} is none of {len(names)} {self._NOUN}; near: {near}") from None
+            similar = ", ".join(difflib.get_close_matches(name, names, n=3)) or ", ".join(names[:3])
+            raise KeyError(
+                f"{name!r} is none of {len(names)} {self._NOUN}; near: {similar}"
+            ) from None
 
     def _taken(self, rows: Chosen) -> Self:
         """The rows; those of neighbours in their order without a copy and with what ties them."""

@@ -165,8 +165,10 @@ def shortened(names: tuple[str, ...]) -> tuple[str, str, list[str]]:
 def _common(names: Sequence[str]) -> str:
     """Return what all names begin with."""
     first, last = min(names), max(names)  # all others lie between them
-    same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), None)
-    return first[: min(len(first), len(last)) if same is None else same]
+    first_difference = next(
+        (k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), None
+    )
+    return first[: min(len(first), len(last)) if first_difference is None else first_difference]
 
 
 def _clock_column(eo: ExteriorOrientation, zone: tzinfo) -> dict[str, Any]:
@@ -175,8 +177,8 @@ def _clock_column(eo: ExteriorOrientation, zone: tzinfo) -> dict[str, Any]:
     local = calendar_from_gps(eo.gps_week, tow).astimezone(zone)
     of_day = 3600.0 * local.hour + 60.0 * local.minute + local.second + 1e-6 * local.microsecond
     name = f"{local:%Z}"
-    ahead = round(of_day - tow, 3) % DAY_S
-    return {"key": "clock", "head": name, "tip": name, "of": "time", "clock": ahead}
+    clock_offset_s = round(of_day - tow, 3) % DAY_S
+    return {"key": "clock", "head": name, "tip": name, "of": "time", "clock": clock_offset_s}
 
 
 def _column(

@@ -85,14 +85,14 @@ def print_page(
         address = page.resolve().as_uri() + (f"#{APPENDIX}" if appendix else "")
         command = [browser, *options, f"--user-data-dir={profile}", f"--print-to-pdf={out}"]
         try:
-            done = subprocess.run(
+            browser_run = subprocess.run(
                 [*command, address], capture_output=True, timeout=PRINTED_WITHIN_S, check=False
             )
         except subprocess.TimeoutExpired:
             problem = f"{browser} did not end in {PRINTED_WITHIN_S:.0f} s"
             raise InputError.in_file(page, f"{problem}; print it from a browser") from None
-        if done.returncode or not out.is_file():
-            message = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        if browser_run.returncode or not out.is_file():
+            message = browser_run.stderr.decode(errors="replace").strip().splitlines()[-1:]
             problem = f"{browser} did not print it ({' '.join(message)[:200]})"
             raise InputError.in_file(page, f"{problem}; print it from a browser")
     return Printed(page, file, browser)

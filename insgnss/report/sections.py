@@ -60,8 +60,8 @@ def hidden(summary: Summary) -> Section:
         "no data of a flight reveal these errors; the sigmas allow for none but where a row says so"
     )
     rows = [(x["name"], x["effect"], x["help"]) for x in summary["hidden_errors"]]
-    head = ("Error", "what it does", "how to exclude it")
-    return _captioned("What no flight can show", caption, Table(rows, head), brief=True)
+    header = ("Error", "what it does", "how to exclude it")
+    return _captioned("What no flight can show", caption, Table(rows, header), brief=True)
 
 
 def earlier(summary: Summary) -> Section:
@@ -103,8 +103,8 @@ def about(summary: Summary) -> str:
     if period["gps_week"] is not None:
         begin, end = (clock(summary, period[key]) for key in ("start_tow_s", "end_tow_s"))
         parts.append(f"flown {begin:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S %Z}")
-    done = [summary["run"][key] for key in ("date (UTC)",) if key in summary["run"]]
-    parts += [f"processed {date} UTC" for date in done]
+    run_date = [summary["run"][key] for key in ("date (UTC)",) if key in summary["run"]]
+    parts += [f"processed {date} UTC" for date in run_date]
     return "; ".join(parts)
 
 
@@ -194,8 +194,8 @@ def _with_largest(
     """Return what a column says of a line; the largest value, where there is one, stands out."""
     cells = [form(line[key]) for line in lines]
     largest = form(max((line[key] for line in lines), default=0.0))
-    alone = len(cells) > 1 and cells.count(largest) == 1
-    return lambda line: strong(form(line[key]), alone and form(line[key]) == largest)
+    is_single = len(cells) > 1 and cells.count(largest) == 1
+    return lambda line: strong(form(line[key]), is_single and form(line[key]) == largest)
 
 
 def fixes_by_line(summary: Summary) -> Section:

@@ -364,11 +364,11 @@ def _neighbour_rows(eo: ExteriorOrientation) -> tuple[Rows, Rows, Array] | None:
         if eo.cross is None or rows.size < 2:
             return None
         return rows[:-1], rows[1:], eo.cross
-    after = eo.rig.next_of_camera
-    first = np.flatnonzero(after >= 0)
-    if eo.rig.cross is None or not first.size:
+    next_row = eo.rig.next_of_camera
+    row = np.flatnonzero(next_row >= 0)
+    if eo.rig.cross is None or not row.size:
         return None
-    return first, after[first], eo.rig.cross[first]
+    return row, next_row[row], eo.rig.cross[row]
 
 
 def _neighbours(eo: ExteriorOrientation, first: Rows, second: Rows, cross: Array) -> dict[str, Any]:

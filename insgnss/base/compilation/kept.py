@@ -43,8 +43,8 @@ def keep_soundly(kept: Any, source: Path) -> bool:
     stamp = None if source.is_file() else entry._source_stamp  # an old numba's is the time
     entry._source_stamp = (stamp, numpy_api, llvmlite.__version__, digest(source))
     entry.source = source.stat() if source.is_file() else None
-    beside = source.parent / "__pycache__" / os.path.basename(entry._index_path)
-    entry.places = (entry._index_path, *([str(beside)] if PROCESSOR.is_file() else []))
+    cached = source.parent / "__pycache__" / os.path.basename(entry._index_path)
+    entry.places = (entry._index_path, *([str(cached)] if PROCESSOR.is_file() else []))
     save = kept.save_overload
 
     def save_overload(signature: Any, code: Any) -> None:

@@ -140,8 +140,8 @@ class Staging:
             new_directories += [d for d in reversed(missing[1:]) if d not in new_directories]
             moves += _merged(tree, target)
         moves += [(file, goal) for goal, file in self._files.items() if file.exists()]
-        again = {goal for _, goal in moves}
-        moves += [(None, goal) for goal in self._stale if goal not in again]
+        goals = {goal for _, goal in moves}
+        moves += [(None, goal) for goal in self._stale if goal not in goals]
         for source, goal in moves:
             if source is None:
                 continue
@@ -183,16 +183,16 @@ class Staging:
                     names.setdefault(goal.parent, set()).add(goal.name)
             undo: list[Callable[[], None]] = []
             with alone({*self.scratch, *names}):
-                before = {directory: marked(directory) or set() for directory in names}
+                marks_before = {directory: marked(directory) or set() for directory in names}
                 try:
                     _flush([source for source, _ in moves if source is not None])
                     marked_before = any(os.path.lexists(d / UNFINISHED_MARK) for d in names)
                     if len(moves) > 1 or new_directories or marked_before:
-                        self._move(new_directories, moves, names, before, undo)
+                        self._move(new_directories, moves, names, marks_before, undo)
                     elif moves:
                         _move_or_remove(*moves[0])
                     for directory, new in names.items():  # from here on the new files stand
-                        self._mark(directory, before[directory] - new)
+                        self._mark(directory, marks_before[directory] - new)
                     for _, goal in moves:
                         rewritten(goal)
                 except BaseException as error:
@@ -204,13 +204,13 @@ class Staging:
         new_directories: list[Path],
         moves: list[Move],
         names: dict[Path, set[str]],
-        before: dict[Path, set[str]],
+        marks_before: dict[Path, set[str]],
         undo: list[Callable[[], None]],
     ) -> None:
         """Mark what changes, make directories and move files; `undo` gets how to undo each step."""
         for directory, new in names.items():
-            self._mark(directory, before[directory] | new)
-            undo.append(partial(self._mark, directory, before[directory]))
+            self._mark(directory, marks_before[directory] | new)
+            undo.append(partial(self._mark, directory, marks_before[directory]))
         replaced = {goal for _, goal in moves if os.path.lexists(goal)}
         for directory in new_directories:  # one of them may be a goal, of a move that comes later
             directory.mkdir()

@@ -50,5 +50,5 @@ def compile_all(
 def _compile_elsewhere(name: str, arguments: list[Any]) -> str:
     """Compile a kernel in a process of its own; return why that fails, "" where it does not."""
     command = ahead.elsewhere(_COMPILE, name, json.dumps(arguments))
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return f"{name}: {' '.join(done.stderr.split())[-200:]}" if done.returncode else ""
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    return f"{name}: {' '.join(finished.stderr.split())[-200:]}" if finished.returncode else ""

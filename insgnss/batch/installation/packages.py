@@ -74,8 +74,8 @@ def requirements(package: str = "insgnss") -> list[Requirement]:
         assert match is not None
         name, versions, marker = match.groups()
         extra = _EXTRA.search(marker or "")
-        least = re.search(r">=\s*([\w.]+)", versions)
-        out.append(Requirement(name, least[1] if least else "", extra[1] if extra else ""))
+        minimum = re.search(r">=\s*([\w.]+)", versions)
+        out.append(Requirement(name, minimum[1] if minimum else "", extra[1] if extra else ""))
     return sorted(out, key=lambda r: (r.extra, r.name))
 
 
@@ -164,14 +164,14 @@ def import_failures(modules: list[str]) -> dict[str, str]:
     while remaining:
         ending = ""
         try:
-            done = subprocess.run(
+            finished = subprocess.run(
                 [sys.executable, "-c", _IMPORTS, *remaining],
                 capture_output=True,
                 stdin=subprocess.DEVNULL,
                 timeout=IMPORT_S,
                 check=False,
             )
-            output, ending = done.stdout, f"ends its process (code {done.returncode})"
+            output, ending = finished.stdout, f"ends its process (code {finished.returncode})"
         except subprocess.TimeoutExpired as error:
             output, ending = error.stdout or b"", f"takes more than {IMPORT_S:g} s"
         rows = [line.split(" ", 2) for line in output.decode("utf-8", "replace").splitlines()]
@@ -199,5 +199,5 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 def _upgrade(requirement: Requirement, wrong: bool) -> str:
-    least = f">={requirement.least}" if requirement.least else ""
-    return f"pip install --upgrade '{requirement.name}{least}'" if wrong else ""
+    minimum = f">={requirement.least}" if requirement.least else ""
+    return f"pip install --upgrade '{requirement.name}{minimum}'" if wrong else ""

@@ -86,12 +86,13 @@ class ArchiveResult:
     @property
     def refusal(self) -> DataError | None:
         """Why not everything can be made again; None where it can."""
-        bad = sum(bool(run.problems) for run in self.runs)
-        if not bad and not self.orphans:
+        problem_count = sum(bool(run.problems) for run in self.runs)
+        if not problem_count and not self.orphans:
             return None
         also = f", {len(self.orphans)} products of unknown inputs" if self.orphans else ""
         return DataError(
-            f"{bad} of {len(self.runs)} results cannot be made again from the files here{also}"
+            f"{problem_count} of {len(self.runs)} results cannot be made again from the files"
+            f" here{also}"
         )
 
     def summary(self) -> str:
@@ -182,8 +183,8 @@ def _documents_and_orphans(directory: Path) -> tuple[list[Path], list[Path]]:
         above += [path.parent for path in paths if _may_leave_orphans(path)]
         if "mounting.toml" not in names:
             of_run = any(path in (Path(folder), *Path(folder).parents) for path in above)
-            beside = (Path(folder).parent / PUBLISHED / REPORT).is_file()
-            if not of_run and not beside and Path(folder).name != "truth":
+            has_report = (Path(folder).parent / PUBLISHED / REPORT).is_file()
+            if not of_run and not has_report and Path(folder).name != "truth":
                 orphans += [Path(folder) / name for name in ORPHANS if name in names]
     return documents, orphans
 

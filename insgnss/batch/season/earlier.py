@@ -88,9 +88,9 @@ def earlier_flights(flight: Flight, report: Mapping[str, Any]) -> dict[str, Any]
 def _is_earlier(row: Row, this: Row, equipment: Path) -> bool:
     """Tell whether a row is of an earlier flight of this equipment that has a result."""
     name = Path(str(row.get("equipment") or "")).parts
-    same = bool(name) and equipment.parts[-len(name) :] == name
+    same_equipment = bool(name) and equipment.parts[-len(name) :] == name
     solved = row.get("status") in ("done", "kept")
-    return same and solved and "" < str(row.get("date_utc") or "") < str(this["date_utc"])
+    return same_equipment and solved and "" < str(row.get("date_utc") or "") < str(this["date_utc"])
 
 
 def _values(rows: Sequence[Row], column: str) -> Any:

@@ -216,12 +216,12 @@ def refuse_shared_outputs(outputs: Iterable[tuple[str, Path]]) -> None:
     UsageError
         Two of them have the same directory.
     """
-    taken: dict[str, str] = {}
+    flight_of_output: dict[str, str] = {}
     for name, directory in outputs:
         key = os.path.normcase(os.path.realpath(directory))
-        if key in taken:
+        if key in flight_of_output:
             raise UsageError(
-                f"{taken[key]} and {name} have the same output directory {directory}; give each its"
-                " own: output.directory, or a column out in a table of flights"
+                f"{flight_of_output[key]} and {name} have the same output directory {directory};"
+                " give each its own: output.directory, or a column out in a table of flights"
             )
-        taken[key] = name
+        flight_of_output[key] = name

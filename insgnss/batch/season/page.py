@@ -54,9 +54,9 @@ def season_document(
     failed = [
         (row["name"], sentence(str(row["reason"]))) for row in rows if _has_status(row, FAILED)
     ]
-    head: tuple[str, ...] = ("flight", "equipment", "date (UTC)", "status", "images")
-    head += ("sigma E / N / U, mm", "tilt E / N, deg", "heading, deg", "NIS ratio")
-    head += ("what stands out",)
+    header: tuple[str, ...] = ("flight", "equipment", "date (UTC)", "status", "images")
+    header += ("sigma E / N / U, mm", "tilt E / N, deg", "heading, deg", "NIS ratio")
+    header += ("what stands out",)
     changed = [f"{r['name']}: {r['reason']}" for r in rows if is_changed(r)]
     drifts = [trend.sentence() for trend in trends if trend.odd]
     return Document(
@@ -67,7 +67,7 @@ def season_document(
             Section("Failed flights", [Table(failed, ("flight", "why it has no result"))]),
             Section("What drifts", drifts),
             Section("Changed since they were processed", changed, "terminal"),
-            Section("Flights", [Table(list(map(_cells, rows)), head)], "page"),
+            Section("Flights", [Table(list(map(_cells, rows)), header)], "page"),
             *charts(rows, trends),
             Section("Constants over the season", [t.sentence() for t in trends], "page"),
         ),
@@ -96,7 +96,7 @@ def _verdict(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Verdict:
     contradicting = [
         f"{t.equipment or 'an equipment'} ({t.quantity.state})" for t in trends if t.odd
     ]
-    bad = {
+    failures = {
         f"{len(names[FAILED])} of {len(rows)} flights have no result": names[FAILED],
         "the reports of these flights contradict their results": names["bad"],
     }
@@ -107,7 +107,10 @@ def _verdict(rows: Sequence[Row], trends: Sequence[SeasonTrend]) -> Verdict:
     }
     return worst_of(
         "every flight has a result, and no constant of the equipment drifts",
-        *([f"{text}: {some(of)}" for text, of in kind.items() if of] for kind in (doubtful, bad)),
+        *(
+            [f"{text}: {some(of)}" for text, of in kind.items() if of]
+            for kind in (doubtful, failures)
+        ),
     )
 
 

@@ -185,7 +185,7 @@ def _run(
             if room is not None and total > MOST_MEMORY * room:
                 beyond = [worker.resident - worker.task.forecast_bytes for worker in busy]
                 busy[beyond.index(max(beyond))].end_for_memory()
-            for worker in [one for one in busy if one.pipe.poll()]:
+            for worker in [worker_ready for worker_ready in busy if worker_ready.pipe.poll()]:
                 busy.remove(worker)
                 try:
                     outcome: Outcome = worker.pipe.recv()

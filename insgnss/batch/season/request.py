@@ -62,5 +62,5 @@ class SeasonRequest(Checked):
         """Where table and page go."""
         if self.out is not None:
             return self.out
-        one = Path(self.sources[0]) if len(self.sources) == 1 else Path(".")
-        return one if one.is_dir() else Path(".")
+        only_source = Path(self.sources[0]) if len(self.sources) == 1 else Path(".")
+        return only_source if only_source.is_dir() else Path(".")

@@ -100,11 +100,11 @@ def constants_row(report: Mapping[str, Any]) -> Row:
         What report.json holds, or what a run that was refused had found by then.
     """
     row: Row = {"date_utc": _date(report)}
-    constants = {one["name"]: one for one in report.get("constants", ())}
+    constants = {constant["name"]: constant for constant in report.get("constants", ())}
     for state, column in LEVER_ARM_COLUMNS.items():
-        if (one := constants.get(str(state))) is not None:
-            row[f"{column}_{state.unit}"] = one["assumed"] + one["correction"]
-            row[f"{column}_sigma_{state.unit}"] = one["sigma"]
+        if (constant := constants.get(str(state))) is not None:
+            row[f"{column}_{state.unit}"] = constant["assumed"] + constant["correction"]
+            row[f"{column}_sigma_{state.unit}"] = constant["sigma"]
     return row
 
 
@@ -173,9 +173,9 @@ def with_own_names(rows: Sequence[Row]) -> list[Row]:
             files.setdefault(str(row["equipment"]), set()).add(str(row[EQUIPMENT_FILE]))
     out = []
     for row in rows:
-        same = files.get(str(row.get("equipment") or ""), set())
-        if len(same) > 1 and row.get(EQUIPMENT_FILE):
-            above = Path(os.path.commonpath([Path(file).parent for file in same]))
+        same_equipment = files.get(str(row.get("equipment") or ""), set())
+        if len(same_equipment) > 1 and row.get(EQUIPMENT_FILE):
+            above = Path(os.path.commonpath([Path(file).parent for file in same_equipment]))
             name = Path(str(row[EQUIPMENT_FILE])).relative_to(above).with_suffix("")
             row = row | {"equipment": name.as_posix()}
         out.append(row)

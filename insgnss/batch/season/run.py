@@ -60,7 +60,7 @@ class SeasonResult:
     @property
     def exit_code(self) -> int:
         """Zero where every flight has a result; else the code of the failures, 4 of several."""
-        codes = {one.exit_code for one in self.outcomes if one.status == FAILED}
+        codes = {outcome.exit_code for outcome in self.outcomes if outcome.status == FAILED}
         return 0 if not codes else codes.pop() if len(codes) == 1 else MIXED_CODE
 
     def summary(self) -> str:
@@ -180,7 +180,7 @@ def run_season(
         tell(outcome)
 
     def tick() -> None:
-        worked = sum(one.status != JOB_KEPT for one in ended.values())
+        worked = sum(outcome.status != JOB_KEPT for outcome in ended.values())
         progress(worked, len(ended), len(tasks), time.monotonic() - start)
 
     def so_far() -> SeasonResult:

@@ -136,7 +136,7 @@ def _outcome(task: Task) -> Outcome:
         constants = known_from_refusal(error.findings) if isinstance(error, InputError) else {}
         return failed(task, reason, code, time.monotonic() - start, constants)
     row["seconds"] = round(time.monotonic() - start, 3)
-    notes = tuple(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
+    notes = tuple(dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught))
     return Outcome(task.name, status, row, 0, notes)
 
 
@@ -198,8 +198,8 @@ def _processed(task: Task) -> tuple[str, Row]:
     report = None if task.again else report_in_force(flight, directory)
     status = JOB_KEPT
     if report is None:
-        done = process(flight, out, force=task.force, compare=earlier_flights)
-        status, report = JOB_DONE, done.report
+        result = process(flight, out, force=task.force, compare=earlier_flights)
+        status, report = JOB_DONE, result.report
     row = row_of(report)
     row |= {"name": task.name, "flight": task.file, "status": status}
     if status == JOB_KEPT and (changed := names_of_changed(report, directory)):

@@ -25,10 +25,10 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
 
     request = options.records[SeasonRequest]
     lines = _ProgressLines(progress, silent=options.json)
-    result = run_season(request, lambda one: lines.show(one, line_of(one)), lines.tick)
+    result = run_season(request, lambda outcome: lines.show(outcome, line_of(outcome)), lines.tick)
     if not result.exit_code:
         return result
-    count = sum(one.exit_code != 0 for one in result.outcomes)
+    count = sum(outcome.exit_code != 0 for outcome in result.outcomes)
     where = next(file for file in result.files if file.suffix == ".html")
     failure = InsgnssError(
         f"{count} of {len(result.outcomes)} flights failed; the reasons are in {where}"

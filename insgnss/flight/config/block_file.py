@@ -282,10 +282,10 @@ class BlockFile(Checked):
         """Refuse options that the mode has no use for."""
         mode, control = self.adjustment.mode, self.aerial_control
         if self.camera.new_from and (mode in ("fast_at", "direct") or self.camera.weighed):
-            held = "camera.weighed" if self.camera.weighed else f'mode "{mode}"'
+            setting = "camera.weighed" if self.camera.weighed else f'mode "{mode}"'
             raise OptionError(
                 "camera.new_from",
-                f"gives parts of the flight estimated cameras, and {held} states one for all;"
+                f"gives parts of the flight estimated cameras, and {setting} states one for all;"
                 " leave one of them out",
             )
         if mode == "indirect" and (control.control != "Ap/Aa" or control.lines):

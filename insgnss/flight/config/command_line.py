@@ -141,14 +141,14 @@ def _metavar(item: Declared) -> str:
 
 def _help(item: Declared, required: bool) -> str:
     """Meaning, unit, range and default."""
-    stated = item.option
-    meanings = [stated.cli_meaning or stated.meaning]
-    if stated.unit and not stated.cli_meaning:
-        meanings.append(stated.unit)
+    option = item.option
+    meanings = [option.cli_meaning or option.meaning]
+    if option.unit and not option.cli_meaning:
+        meanings.append(option.unit)
     if item.kind in ("number", "whole") and not item.choices:
         meanings.append(range_words(item))
     text = ", ".join(filter(None, meanings))
-    usual = stated.cli_default or stated.usual or default_words(item.default)
+    usual = option.cli_default or option.usual or default_words(item.default)
     if not (required or item.kind in ("flag", "covariance") or not usual):
         text = f"{text} (default: {usual})"
     return text.replace("%", "%%")

@@ -356,10 +356,10 @@ def _refuse_measurements(measurements: "tuple[MeasurementInput | Measurement, ..
     from ...records.measurements import Measurement
 
     names: list[str] = []
-    for one in measurements:
-        if not isinstance(one, Measurement | MeasurementInput):
-            raise OptionError("measurement", f"is no insgnss.Measurement but {one!r}")
-        name = one.called if isinstance(one, MeasurementInput) else one.name
+    for measurement in measurements:
+        if not isinstance(measurement, Measurement | MeasurementInput):
+            raise OptionError("measurement", f"is no insgnss.Measurement but {measurement!r}")
+        name = measurement.called if isinstance(measurement, MeasurementInput) else measurement.name
         if name in names:
             raise OptionError("measurement", f"two are named {name!r}; give each a name of its own")
         names.append(name)

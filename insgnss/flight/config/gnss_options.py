@@ -223,6 +223,7 @@ class GnssInput(Checked, table="gnss"):
     raw: RawGnss | None = None
 
     def __post_init__(self) -> None:
+        """Refuse options that contradict each other."""
         super().__post_init__()
         of_array = (self.sigma_m, self.sigma_velocity_mps)  # a record has its own
         sigmas = () if hasattr(self.file, "cov_ned") else of_array

@@ -63,6 +63,7 @@ def load_flight(path: str | Path) -> Flight:
 
 
 def _loaded(path: Path) -> Flight:
+    """Return the flight of a parsed flight file; refuse unknown keys and contradictions."""
     root, included = with_included(
         read_toml(path, known_keys(FLIGHT_TABLES)), known_keys(FLIGHT_TABLES)
     )
@@ -130,6 +131,7 @@ def _imu(table: OptionTable) -> ImuInput:
 
 
 def _gnss(table: OptionTable) -> GnssInput:
+    """Return the GNSS input of the flight file's [gnss]."""
     raw = _raw(table)
     stands = "stationary" in table.data
     if stands and "file" in table.data:
@@ -199,8 +201,10 @@ def _camera(table: OptionTable, raw: bool) -> CameraInput:
         raise table.error("columns", problem)
     further = tuple(_further_camera(message) for message in table.tables("further"))
     match, rover_events = record_of(table, ImageMatch), record_of(table, RoverEvents)
-    more = {"further": further} | ({} if has_events else {"events": None})
-    return record_of(table, CameraInput, more, match=match, rover_events=rover_events, **more)
+    extra_fields = {"further": further} | ({} if has_events else {"events": None})
+    return record_of(
+        table, CameraInput, extra_fields, match=match, rover_events=rover_events, **extra_fields
+    )
 
 
 def _further_camera(table: OptionTable) -> CameraInput:
@@ -226,9 +230,9 @@ def mounting_of(table: OptionTable) -> Mounting:
     angles = values.pop("boresight_deg", None)
     try:
         if angles:
-            turn = values.get("camera_from_body", PAPER_CAMERA_FROM_BODY)
+            camera_axes = values.get("camera_from_body", PAPER_CAMERA_FROM_BODY)
             angle_set, degrees = angles
-            values["boresight"] = boresight_from_angles(angle_set, degrees, turn)
+            values["boresight"] = boresight_from_angles(angle_set, degrees, camera_axes)
         return Mounting(**values)
     except InputError as refusal:
         raise table.error(refusal.key, refusal.problem) from None
@@ -281,9 +285,11 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
     file_mounting, root = read_mounting_file(path, flight.mounting.camera_from_body)
     values = file_mounting.values()
     delay = values.pop(DELAY, None)
-    turn, stated = file_mounting.camera_from_body, flight.mounting.camera_from_body
+    camera_axes, stated = file_mounting.camera_from_body, flight.mounting.camera_from_body
     assumed = (
-        stated if turn is None or file_mounting.set_in_body or "boresight" not in values else turn
+        stated
+        if camera_axes is None or file_mounting.set_in_body or "boresight" not in values
+        else camera_axes
     )
     if (difference := float(np.abs(assumed - stated).max())) > ROTATION_TOLERANCE:
         problem = (

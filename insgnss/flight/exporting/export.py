@@ -128,10 +128,10 @@ def export(
     with together() as staging:
         eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
         with _remedy():
-            done = _export(eo, name, path, target or ExportFrame(), options)
+            exported = _export(eo, name, path, target or ExportFrame(), options)
         remove_stale(path, staging)
         if not names:
-            return done
+            return exported
         table = path.with_name(f"{path.stem}_names.csv")
         write_names(names, table)
     old, new = next(iter(names.items()))
@@ -139,7 +139,7 @@ def export(
         f"{len(names)} of {len(eo.images)} images have another name in this export, such as"
         f" {new!r} for {old!r}; {table.name} lists all: rename the image files accordingly"
     )
-    return replace(done, notes=(note, *done.notes), files=(done.file, table))
+    return replace(exported, notes=(note, *exported.notes), files=(exported.file, table))
 
 
 @contextmanager
@@ -286,10 +286,10 @@ def relative_of(
         [gm.sigma for gm in axis.gauss_markov if gm.correlation_time_s < length]
         for axis in model.gyro
     ]
-    most = max(map(len, wandering))
+    longest = max(map(len, wandering))
     figures = gyro_figures(
         np.array([axis.white_noise for axis in model.gyro]),
-        np.array([row + [0.0] * (most - len(row)) for row in wandering]),
+        np.array([row + [0.0] * (longest - len(row)) for row in wandering]),
     )
     return relative_control(framed, figures, **how)
 

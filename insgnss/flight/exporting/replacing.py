@@ -34,12 +34,12 @@ def remove_stale(path: Path, staging: Staging) -> None:
     """
     goal = staging.destination(path)
     for end, mark in MARKS_OF_COMPANIONS.items():
-        beside = goal.with_name(f"{goal.stem}{end}")
-        if beside.is_file():
-            with beside.open("rb") as stream:
+        companion = goal.with_name(f"{goal.stem}{end}")
+        if companion.is_file():
+            with companion.open("rb") as stream:
                 ours = mark in stream.read(OWN_MARK_BYTES)
             if ours:
-                staging.remove(beside)
+                staging.remove(companion)
 
 
 def refuse_replacing(staging: Staging, out: Path, named: bool, frame: str) -> None:
@@ -66,12 +66,12 @@ def refuse_replacing(staging: Staging, out: Path, named: bool, frame: str) -> No
     changed = [goal for _, goal in staging.changed()]
     if not changed:
         return
-    before = frame_of_run(out)
-    if before is not None and before != frame:
+    frame_before = frame_of_run(out)
+    if frame_before is not None and frame_before != frame:
         code = re.sub(r"[^A-Za-z0-9+]+", "", frame.split()[0])
         renamed = out.with_name(f"{out.stem}_{code}{out.suffix}")
         raise UsageError(
-            f"export: {out} was written by the run itself, in {before}, and this export is in"
+            f"export: {out} was written by the run itself, in {frame_before}, and this export is in"
             f" {frame}; give --out {renamed}, or --force"
         )
     if named:

@@ -112,8 +112,8 @@ def _missing(source: InputSource, sensing: Sensing, alone: Alone) -> str:
         [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
     )
     open_questions += ["no unit of the gyros"] if alone.gyro_counts is not None else []
-    more = f"; the file has {' and '.join(open_questions)}" if open_questions else ""
-    return (NEEDS_POSITION if sensing.is_static else NEEDS_FIXES) + more
+    also_open = f"; the file has {' and '.join(open_questions)}" if open_questions else ""
+    return (NEEDS_POSITION if sensing.is_static else NEEDS_FIXES) + also_open
 
 
 def _imu(
@@ -256,20 +256,20 @@ def _gnss(
 
 
 def _mounting(draft: Draft, camera: bool) -> None:
-    turn, unknown = [[-1, 0, 0], [0, -1, 0], [0, 0, 1]], [0.0, 0.0, 0.0]
+    camera_axes, unknown = [[-1, 0, 0], [0, -1, 0], [0, 0, 1]], [0.0, 0.0, 0.0]
     draft.add(
         "mounting",
         "antenna_m",
         unknown,
         "lever arms are not in the files: measure them, in m from the camera in camera axes",
-        drawing=drawn_in_letters(turn, unknown, unknown),
+        drawing=drawn_in_letters(camera_axes, unknown, unknown),
     )
     if camera:
         draft.add("mounting", "imu_m", unknown)
         draft.add(
             "mounting",
             "camera_from_body",
-            turn,
+            camera_axes,
             "as in the published data sets; check it for this drone",
             False,
         )

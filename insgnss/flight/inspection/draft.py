@@ -143,5 +143,5 @@ def _relative(path: Path, folder: Path) -> str:
     full = Path(os.path.abspath(path))
     if full.is_relative_to(folder):
         return full.relative_to(folder).as_posix()
-    near = relative(full, folder)
-    return Path(near).as_posix() if near.count("..") == 1 else full.as_posix()
+    from_folder = relative(full, folder)
+    return Path(from_folder).as_posix() if from_folder.count("..") == 1 else full.as_posix()

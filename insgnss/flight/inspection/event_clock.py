@@ -111,15 +111,18 @@ def scale_of_dates(
     read = {s: read_events(source.path, columns=columns, time_scale=s) for s in scales}
     times = [in_week(read[scale], week).time for scale in scales]
     misses = dict(zip(scales, exposures_off_lines(times, fixes), strict=True))
-    best, second = sorted(misses, key=lambda scale: misses[scale])[:2]
-    if misses[best] > OFF_LINES * count or misses[second] < max(CLEARER * misses[best], FEWEST_OFF):
+    best_scale, second_scale = sorted(misses, key=lambda scale: misses[scale])[:2]
+    if misses[best_scale] > OFF_LINES * count or misses[second_scale] < max(
+        CLEARER * misses[best_scale], FEWEST_OFF
+    ):
         return source, events
     why = (
-        f"the file does not state the scale: as {best} {count - misses[best]} of {count} exposures"
-        f" lie on straight flight lines, as {second} {count - misses[second]}"
+        f"the file does not state the scale: as {best_scale} {count - misses[best_scale]} of"
+        f" {count} exposures lie on straight flight lines, as {second_scale}"
+        f" {count - misses[second_scale]}"
     )
-    keys = source.keys | {"time_scale": best}
-    return replace(source, keys=keys, why=source.why | {"time_scale": why}), read[best]
+    keys = source.keys | {"time_scale": best_scale}
+    return replace(source, keys=keys, why=source.why | {"time_scale": why}), read[best_scale]
 
 
 def on_clock_of_samples(
@@ -136,21 +139,21 @@ def on_clock_of_samples(
     of_imu, imu
         The samples.
     """
-    reach = (imu.time[0] <= events.time) & (events.time <= imu.time[-1])
+    in_recording = (imu.time[0] <= events.time) & (events.time <= imu.time[-1])
     columns, stamp = source.keys.get("columns"), of_imu.keys.get("columns")
-    if reach.any() or not isinstance(columns, dict) or not isinstance(stamp, dict):
+    if in_recording.any() or not isinstance(columns, dict) or not isinstance(stamp, dict):
         return source, events
-    same = {**columns, "tow": stamp["tow"]}
-    same.pop("week", None)
+    on_sample_clock = {**columns, "tow": stamp["tow"]}
+    on_sample_clock.pop("week", None)
     units = {"units": {"time": of_imu.keys.get("units", {}).get("time", "s")}}
     try:
-        read = read_events(source.path, columns=same, **units)
+        read = read_events(source.path, columns=on_sample_clock, **units)
     except InsgnssError:  # no such column, or no clock
         return source, events
     if not ((imu.time[0] <= read.time) & (read.time <= imu.time[-1])).any():
         return source, events
     why = "the column of this name stamps the samples too"
-    keys = source.keys | {"columns": same} | units
+    keys = source.keys | {"columns": on_sample_clock} | units
     return replace(
         source, keys=keys, why=source.why | dict.fromkeys(("columns", *units), why)
     ), read
@@ -160,8 +163,10 @@ def _are_samples(events: CameraEvents, imu: ImuSamples) -> bool:
     """Tell whether the events bear stamps of samples, by more than their rounding."""
     if events.time.size < FEWEST_OF_SAMPLES:
         return False
-    near = np.clip(np.searchsorted(imu.time, events.time), 1, imu.time.size - 1)
-    gap = np.minimum(np.abs(imu.time[near] - events.time), np.abs(imu.time[near - 1] - events.time))
+    sample_row = np.clip(np.searchsorted(imu.time, events.time), 1, imu.time.size - 1)
+    gap = np.minimum(
+        np.abs(imu.time[sample_row] - events.time), np.abs(imu.time[sample_row - 1] - events.time)
+    )
     # stamps rounded to the interval of the samples would be theirs by chance
     interval = float(np.median(np.diff(imu.time)))
     grid = np.abs(events.time / interval - np.round(events.time / interval))

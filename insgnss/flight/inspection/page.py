@@ -158,13 +158,15 @@ def _mounting(result: InspectionData) -> "tuple[Drawing, ...]":
     antenna = None if draft is None else draft.value("mounting", "antenna_m")
     if draft is None or antenna is None:
         return ()
-    turn = draft.value("mounting", "camera_from_body") or [[-1, 0, 0], [0, -1, 0], [0, 0, 1]]
+    camera_axes = draft.value("mounting", "camera_from_body") or [[-1, 0, 0], [0, -1, 0], [0, 0, 1]]
     imu = draft.value("mounting", "imu_m") or [0.0, 0.0, 0.0]
     remark = (
         "<p>Axes of the body and, as drafted, of the camera; lever arms go from the camera to the"
         " antenna and to the IMU. What is drawn at the camera has not been measured.</p>"
     )
-    return (Drawing(f"{remark}<div class='wide'>{drawn_as_svg(turn, antenna, imu)}</div>\n"),)
+    return (
+        Drawing(f"{remark}<div class='wide'>{drawn_as_svg(camera_axes, antenna, imu)}</div>\n"),
+    )
 
 
 def numbers_of(result: InspectionData) -> dict[str, Any]:

@@ -98,8 +98,10 @@ class Inspection(InspectionData, Charted):
         if self.recognition is None:
             return None
         charts = self.charts()
-        beside = [chart for chart in charts if chart.name != "motion"]
-        columns = [list(c) for c in ([x for x in charts if x not in beside], beside) if c]
+        other_charts = [chart for chart in charts if chart.name != "motion"]
+        columns = [
+            list(c) for c in ([x for x in charts if x not in other_charts], other_charts) if c
+        ]
         title = f"{self.name}: what the IMU felt and what GNSS saw"
         return draw_sheet(columns, title, answers_in_words(self.recognition.findings))
 

@@ -108,14 +108,14 @@ def on_one_clock(imu: InputSource, gnss: InputSource) -> tuple[InputSource, Inpu
     Their first clocks are taken where none do, or where it is not known.
     """
     pairs = [(i, g) for g in (gnss, *gnss.other_clocks) for i in (imu, *imu.other_clocks)]
-    best = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
-    if best == (imu, gnss) or overlap(best[0].span, best[1].span) < OVERLAP:
+    chosen = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
+    if chosen == (imu, gnss) or overlap(chosen[0].span, chosen[1].span) < OVERLAP:
         return imu, gnss
     why = {
-        "columns": f"{best[1].why.get('columns', '')}; of several clocks, those in which IMU and"
+        "columns": f"{chosen[1].why.get('columns', '')}; of several clocks, those in which IMU and"
         " fixes overlap"
     }
-    return best[0], replace(best[1], why=best[1].why | why)
+    return chosen[0], replace(chosen[1], why=chosen[1].why | why)
 
 
 def as_long_as(imu: InputSource, samples: ImuSamples, fixes: GnssFixes) -> InputSource:

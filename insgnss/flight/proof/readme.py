@@ -145,9 +145,9 @@ def _files(name: str, file: str) -> str:
 
 
 def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | None) -> str:
-    near = "Residuals of less than 0.01 px, which is what the printed digits leave."
+    expectation = "Residuals of less than 0.01 px, which is what the printed digits leave."
     if projection is None:
-        return near
+        return expectation
     px = of_the_grid(scene, projection, ground_m)
     lat, lon, h = scene.plane.geodetic_from_position(scene.eo.position_m)
     G = projection.axes(lat, lon, h)
@@ -155,9 +155,9 @@ def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | 
     ground = np.full(lat.shape, scene.geodetic[:, 2].mean())
     scale = float(projection.ground_scale(lat, lon, ground).mean())
     return (
-        f"{near} A tool that takes the coordinates of {projection.name} for Cartesian ones finds up"
-        f" to {px:.2f} px in the right file: lengths of the plan are {scale:.6f} of those on the"
-        f" ground. The convergence of the meridian is {gamma:.4f} deg here."
+        f"{expectation} A tool that takes the coordinates of {projection.name} for Cartesian ones"
+        f" finds up to {px:.2f} px in the right file: lengths of the plan are {scale:.6f} of those"
+        f" on the ground. The convergence of the meridian is {gamma:.4f} deg here."
     )
 
 
@@ -169,8 +169,8 @@ def _wrapped(text: str) -> str:
     """Lines of `README_WIDTH`; what follows a number or a length stays behind it."""
     lines = []
     for line in text.splitlines():
-        head = re.match(r"\d+\. | *\S+ px  ", line)
-        indent = " " * len(head[0]) if head else ""
+        bullet = re.match(r"\d+\. | *\S+ px  ", line)
+        indent = " " * len(bullet[0]) if bullet else ""
         lines.append(
             textwrap.fill(line, README_WIDTH, break_on_hyphens=False, subsequent_indent=indent)
         )

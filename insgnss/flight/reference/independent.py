@@ -71,7 +71,7 @@ class PoseAgreement:
     @property
     def in_sigmas(self) -> float:
         """The largest difference in standard deviations of its image."""
-        return max((one.in_sigmas for one in self.differences), default=0.0)
+        return max((difference.in_sigmas for difference in self.differences), default=0.0)
 
     def sentence(self) -> str:
         """Return what was found in one sentence."""
@@ -183,7 +183,7 @@ def _setup(
             biases.append(Bias(channel, stationary, gm.correlation_time_s, gm.driving_noise**2))
     layout, mounting = segment.solution.problem.layout, flight.mounting
     sigma = dict(zip(layout.states, layout.sigma0.tolist(), strict=True))
-    arm = [sigma.get(one, 0.0) for one in OF_LEVER_ARM]
+    arm = [sigma.get(state, 0.0) for state in OF_LEVER_ARM]
     body_from_camera = (mounting.camera_from_body @ mounting.boresight).T
     return Setup(
         C_b_imu=np.array([AXIS_VECTORS[word] for word in flight.imu.axes.split()]).T,

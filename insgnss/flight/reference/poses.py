@@ -232,8 +232,10 @@ class _TransitionModel:
         force = s.C @ (u + 0.5 * K @ u + K @ K @ u / 6.0) / dt
         v = s.v + (force + gravity(s.r) - 2.0 * np.cross(EARTH_SPIN, s.v)) * dt
         r = s.r + 0.5 * (s.v + v) * dt
-        after = _State(r, v, turn(-EARTH_SPIN * dt) @ s.C @ turn(a), s.x * np.exp(-self.decay * dt))
-        W, C, F = cross_matrix(EARTH_SPIN), 0.5 * (s.C + after.C), np.zeros((n, n))
+        advanced = _State(
+            r, v, turn(-EARTH_SPIN * dt) @ s.C @ turn(a), s.x * np.exp(-self.decay * dt)
+        )
+        W, C, F = cross_matrix(EARTH_SPIN), 0.5 * (s.C + advanced.C), np.zeros((n, n))
         up = s.r / np.linalg.norm(s.r)
         F[:3, 3:6] = np.eye(3)
         gradient = EARTH_GM / np.linalg.norm(s.r) ** 3
@@ -245,7 +247,7 @@ class _TransitionModel:
         Phi = np.eye(n) + F * dt + 0.5 * F @ F * dt**2
         q = np.zeros(n)
         q[3:6], q[6:9], q[9:] = self.setup.white[3:], self.setup.white[:3], self.drive
-        return after, Phi @ P @ Phi.T + np.diag(q * dt), Phi
+        return advanced, Phi @ P @ Phi.T + np.diag(q * dt), Phi
 
 
 @dataclass(frozen=True, eq=False)

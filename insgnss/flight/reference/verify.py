@@ -136,7 +136,7 @@ class Verification:
             (d.quantity, f"{d.largest:.2e} {d.unit}", f"{d.in_sigmas:.2e}", "")
             for d in self.poses.differences
         ]
-        head = ("largest difference of", "in its unit", "sigmas", "sigma ratio")
+        header = ("largest difference of", "in its unit", "sigmas", "sigma ratio")
         extent = (
             f"{self.begin:.1f} to {self.end:.1f} s: {self.imu_samples} IMU samples,"
             f" {self.epochs} epochs, {self.states} states, passes: {self.passes}"
@@ -151,7 +151,7 @@ class Verification:
             self.name,
             self.headline(),
             worst_of("all differences are within their limits", severe=refusal),
-            [Section(self.name, [extent, Table(rows, head, numbers=True), decided, took])],
+            [Section(self.name, [extent, Table(rows, header, numbers=True), decided, took])],
         ).text()
 
     def as_dict(self) -> dict[str, Any]:
@@ -196,7 +196,7 @@ def verify(
     recording = read_recording(flight)
     cut = _cut_flight(flight, recording, 60.0 * minutes, start_tow)
     solved, _ = solve_segments(cut, recording, progress)
-    longest = max(solved, key=lambda one: one.solution.time.size)
+    longest = max(solved, key=lambda segment_run: segment_run.solution.time.size)
     problem = longest.solution.problem
     verification = verify_problem(
         problem, align(cut, problem)[0], cut.filter.second_pass, flight.name, progress

@@ -239,7 +239,7 @@ def _rows_of_log(
 def _refuse_options(options: MeasurementInput, kind: SensorKind) -> None:
     """Refuse options that the kind does not read, and those that it needs and that are missing."""
     known_options = declared(MeasurementInput)
-    for name in dict.fromkeys(name for one in SHIPPED for name in kinds()[one].reads):
+    for name in dict.fromkeys(name for shipped in SHIPPED for name in kinds()[shipped].reads):
         default = getattr(options, name) == known_options[name].default
         if name not in kind.reads and not default:
             problem = f"is not read by kind {options.kind!r}; leave it out"

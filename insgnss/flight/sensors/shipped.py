@@ -68,12 +68,12 @@ def _heading(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
 
 def _headings_of_receiver(path: Path) -> LogRows | None:
     """Return the headings of a receiver's log, None where the file is a table."""
-    head = head_of(path)
-    if is_oem_log(head):
+    beginning = head_of(path)
+    if is_oem_log(beginning):
         return read_oem_headings(path)
-    if is_sbf_text(head):
+    if is_sbf_text(beginning):
         return read_sbf_attitudes(path, "heading")
-    return (*read_headings(path), None, ()) if is_nmea(head) else None
+    return (*read_headings(path), None, ()) if is_nmea(beginning) else None
 
 
 def _attitudes_of_receiver(path: Path) -> LogRows | None:
@@ -142,8 +142,8 @@ def _baselines_of_moving_base(path: Path) -> LogRows | None:
         for name in (*POSITION_COLUMNS[pos.header.kind], *ROOTS["e-baseline"][:3])
     )
     sigma = np.column_stack([sigma_n, sigma_e, sigma_u])
-    bad = sigma.min(axis=1) <= 0.0
-    refuse_rows(lines, bad, "a standard deviation must be greater than zero")
+    without_sigma = sigma.min(axis=1) <= 0.0
+    refuse_rows(lines, without_sigma, "a standard deviation must be greater than zero")
     notes = pos.notes
     if not fixed.all():
         floats = f"left out {np.count_nonzero(~fixed)} of {fixed.size} baselines that are not fixed"

@@ -190,7 +190,11 @@ def _mutual_pairs(
 
 def _nearest(time: Array, candidates: Array) -> NDArray[np.intp]:
     """Return the row of the increasing `candidates` (k,), s, that is nearest to each time, s."""
-    after = np.clip(np.searchsorted(candidates, time), 1, max(candidates.size - 1, 1))
+    index_after = np.clip(np.searchsorted(candidates, time), 1, max(candidates.size - 1, 1))
     if candidates.size == 1:
         return np.zeros(time.size, dtype=np.intp)
-    return np.where(time - candidates[after - 1] <= candidates[after] - time, after - 1, after)
+    return np.where(
+        time - candidates[index_after - 1] <= candidates[index_after] - time,
+        index_after - 1,
+        index_after,
+    )

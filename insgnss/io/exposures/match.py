@@ -80,8 +80,10 @@ def name_events(
         notes = tuple(check for check in notes if check.name != UNNAMED)
         kept = [k for k, name in enumerate(images) if name not in skip_images]
         names = [images[k] for k in kept]
-        taken, doubts = (None, ()) if taken_s is None else _image_times(path, taken_s, images, kept)
-        notes += doubts + _Match(path, time, number, names, taken, notes).checked()
+        image_times_s, doubts = (
+            (None, ()) if taken_s is None else _image_times(path, taken_s, images, kept)
+        )
+        notes += doubts + _Match(path, time, number, names, image_times_s, notes).checked()
     return replace(events[number - 1], images=tuple(names), source=path, notes=notes)
 
 
@@ -133,15 +135,15 @@ def _image_times(
     """The own times (n,) s of the images at the places `kept`, None with a note where their
     fractions of a second cannot be right.
     """
-    taken = np.asarray(taken_s, dtype=np.float64)
-    if taken.shape != (len(images),) or not np.isfinite(taken).all():
+    image_times_s = np.asarray(taken_s, dtype=np.float64)
+    if image_times_s.shape != (len(images),) or not np.isfinite(image_times_s).all():
         raise UsageError(
-            f"the images' own times have the shape {taken.shape}, expected {len(images)} finite"
-            " numbers, one an image"
+            f"the images' own times have the shape {image_times_s.shape}, expected {len(images)}"
+            " finite numbers, one an image"
         )
-    taken = taken[kept]
-    if taken.size < 2 or (step := np.diff(taken)).min() >= 0.0:
-        return taken, ()
+    image_times_s = image_times_s[kept]
+    if image_times_s.size < 2 or (step := np.diff(image_times_s)).min() >= 0.0:
+        return image_times_s, ()
     k = int(np.argmin(step))
     finding = (
         f"image {images[kept[k + 1]]} was taken {-step[k]:.3f} s before {images[kept[k]]}, by the"

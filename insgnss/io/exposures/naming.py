@@ -42,7 +42,7 @@ def events_of(path: Path, ending: str | None = None, **spec: Any) -> CameraEvent
     return read_events(path, **spec)
 
 
-def named(events: CameraEvents, wanted: ImageMatch) -> CameraEvents:
+def named(events: CameraEvents, matching: ImageMatch) -> CameraEvents:
     """Give the events the names of the images, matched by the images' own times if they have some.
 
     Without images, return the events that are not to be skipped.
@@ -52,15 +52,21 @@ def named(events: CameraEvents, wanted: ImageMatch) -> CameraEvents:
     InputError, UsageError
         As `image_names` and `name_events` raise them.
     """
-    names = None if wanted.images is None else image_names(wanted.images, wanted.image_ending)
-    taken = None if wanted.images is None or names is None else image_times(wanted.images, names)
+    names = None if matching.images is None else image_names(matching.images, matching.image_ending)
+    image_times_s = (
+        None if matching.images is None or names is None else image_times(matching.images, names)
+    )
     return name_events(
-        events, names, taken_s=taken, skip_events=wanted.skip_events, skip_images=wanted.skip_images
+        events,
+        names,
+        taken_s=image_times_s,
+        skip_events=matching.skip_events,
+        skip_images=matching.skip_images,
     )
 
 
 def named_positions(
-    positions: CameraPositions, wanted: ImageMatch
+    positions: CameraPositions, matching: ImageMatch
 ) -> tuple[CameraPositions, tuple[str, ...]]:
     """Give camera positions the names of the images, as `named` does with events.
 
@@ -72,9 +78,9 @@ def named_positions(
         What a reader should know of the match.
     """
     images, time = positions.images, positions.time
-    events = named(CameraEvents(images, time, positions.gps_week, positions.source), wanted)
+    events = named(CameraEvents(images, time, positions.gps_week, positions.source), matching)
     notes = [f"{note.name}: {note.found}" for note in events.notes]
-    if wanted.images is None and all(name.isdecimal() for name in images):
+    if matching.images is None and all(name.isdecimal() for name in images):
         notes.append("images are called by numbers; --images DIR gives their names")
     chosen = positions[np.searchsorted(time, events.time)]
     return replace(chosen, images=events.images), tuple(notes)

@@ -48,9 +48,11 @@ def with_numbering_note(events: CameraEvents) -> CameraEvents:
         " s apart"
         for k in skipped[:MOST_NAMED_PAIRS]
     ]
-    more = f" and {skipped.size - MOST_NAMED_PAIRS} more" if skipped.size > MOST_NAMED_PAIRS else ""
+    further = (
+        f" and {skipped.size - MOST_NAMED_PAIRS} more" if skipped.size > MOST_NAMED_PAIRS else ""
+    )
     note = Question("images", "numbers and times with the same gaps").note(
-        f"a number is missing between {', '.join(places)}{more}, but by the time no exposure is",
+        f"a number is missing between {', '.join(places)}{further}, but by the time no exposure is",
         "check names and stamps there: if another row lost its stamp, all images between the two"
         " rows have the stamp of their neighbour",
     )

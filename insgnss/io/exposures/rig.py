@@ -276,8 +276,8 @@ def instants_of(camera: CameraExposures, instants: CameraEvents) -> NDArray[np.i
     ndarray
         (n,) rows.
     """
-    after = np.searchsorted(instants.time, camera.events.time, side="right")
-    return np.maximum(after - 1, 0).astype(np.int64)
+    index_after = np.searchsorted(instants.time, camera.events.time, side="right")
+    return np.maximum(index_after - 1, 0).astype(np.int64)
 
 
 @dataclass(frozen=True)

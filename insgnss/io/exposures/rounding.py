@@ -144,12 +144,12 @@ def _refined(time: Array, step: float) -> tuple[float, float, int]:
     """
     pairs = [time[2**k :] - time[: -(2**k)] for k in range(int(time.size - 1).bit_length())]
     differences = np.concatenate(pairs)
-    reach = PAUSE * float(np.median(np.diff(time)))
-    while reach < 2.0 * time[-1]:
-        within = differences[differences <= reach]
+    half_width = PAUSE * float(np.median(np.diff(time)))
+    while half_width < 2.0 * time[-1]:
+        within = differences[differences <= half_width]
         count = np.rint(within / step)
         step = float(within @ within) / max(float(within @ count), 1e-12)
-        reach *= 2.0
+        half_width *= 2.0
     phase = np.exp(2j * np.pi * time / step)
     residual = np.angle(phase / np.exp(1j * np.angle(phase.mean()))) / (2.0 * np.pi)
     return step, float(np.sqrt(np.mean(residual**2))), _changes(time, step)

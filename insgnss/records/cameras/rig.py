@@ -88,10 +88,10 @@ class RigImages:
     @property
     def next_of_camera(self) -> NDArray[np.int64]:
         """(n,) row of the next image of the same camera, -1 where there is none."""
-        after = np.full(self.number.size, -1, dtype=np.int64)
+        next_row = np.full(self.number.size, -1, dtype=np.int64)
         for rows in self.rows:
-            after[rows[:-1]] = rows[1:]
-        return after
+            next_row[rows[:-1]] = rows[1:]
+        return next_row
 
     @property
     def rows(self) -> list[NDArray[np.int64]]:

@@ -75,9 +75,11 @@ def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
         "alpha": PALE if layer.faint else 1.0,
         "label": layer.name or None,
     }
-    before = set(ax.get_children())
+    artists_before = set(ax.get_children())
     explained = _KINDS[layer.kind](ax, layer, style, POINTS_OF_PIXEL * scale)
-    for artist in set(ax.get_children()) - before:  # matplotlib would draw lines over points
+    for artist in (
+        set(ax.get_children()) - artists_before
+    ):  # matplotlib would draw lines over points
         artist.set_zorder(IN_FRONT)
     return explained
 
@@ -244,10 +246,10 @@ def draw_shades(ax: Any, shades: Sequence[Shade], span: tuple[float, float]) -> 
     span : tuple of float
         Ends of the horizontal axis.
     """
-    least = NARROWEST * (span[1] - span[0])
+    narrowest = NARROWEST * (span[1] - span[0])
     for shade in shades:
         colour = SHADES[shade.kind]
-        missing = max(0.0, 0.5 * (least - (shade.end - shade.begin)))
+        missing = max(0.0, 0.5 * (narrowest - (shade.end - shade.begin)))
         ax.axvspan(shade.begin - missing, shade.end + missing, color=colour, lw=0, zorder=0.4)
 
 

@@ -338,8 +338,8 @@ class _SheetBlock:
     def _room(self, k: int) -> float:
         """Inches that the legend of panel `k` has: beside a label that stands above the axes."""
         label = self.chart.panels[k].label
-        taken = 0.0 if self._along(label) else LETTER * len(label) * self.letters / 72.0
-        return max(self.panel_width - taken, 0.4 * self.panel_width)
+        label_width = 0.0 if self._along(label) else LETTER * len(label) * self.letters / 72.0
+        return max(self.panel_width - label_width, 0.4 * self.panel_width)
 
     def _colour_bar(self, figure: Any, ax: Any, artist: Any, layer: Layer) -> None:
         """Put the bar of colours beside the axes."""
@@ -431,11 +431,11 @@ def _legends(chart: Chart) -> list[Keys]:
     kinds = [k for k in SHADE_NAMES if any(s.kind == k for s in chart.shades)]
     shades: Keys = [(SHADE_NAMES[k], SHADES[k], "shade") for k in kinds]
     keys: list[Keys] = []
-    before: Keys = []
+    last_keys: Keys = []
     for k, panel in enumerate(chart.panels):
         shown: Keys = list({key[0]: key for key in reversed(named(panel))}.values())[::-1]
-        keys.append([*(shades if k == 0 else []), *(shown if shown != before else [])])
-        before = shown
+        keys.append([*(shades if k == 0 else []), *(shown if shown != last_keys else [])])
+        last_keys = shown
     return keys
 
 

@@ -82,13 +82,13 @@ def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
         | ({"background": _plain(chart.background)} if chart.background else {})
         for chart in charts
     ]
-    whole = {
+    content = {
         "report_sha256": report_sha256,
         "arrays": packs,
         "texts": list(texts),
         "charts": listed,
     }
-    return script_safe(whole)
+    return script_safe(content)
 
 
 def decoded(text: str) -> tuple[Chart, ...]:
@@ -222,10 +222,10 @@ def _builtin(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _charts(whole: Mapping[str, Any]) -> tuple[Chart, ...]:
+def _charts(content: Mapping[str, Any]) -> tuple[Chart, ...]:
     """Return the charts as the page's script reads them."""
-    arrays = [_unpacked(packed) for packed in whole["arrays"]]
-    texts = [tuple(listed) for listed in whole["texts"]]
+    arrays = [_unpacked(packed) for packed in content["arrays"]]
+    texts = [tuple(listed) for listed in content["texts"]]
 
     def layer(of: Mapping[str, Any]) -> Layer:
         placed = {name: arrays[of[name]] for name in _ARRAYS if name in of}
@@ -233,7 +233,7 @@ def _charts(whole: Mapping[str, Any]) -> tuple[Chart, ...]:
             placed["texts"] = texts[of["texts"]]
         return Layer(**{**of, **placed})
 
-    return tuple(_chart(chart, layer) for chart in whole["charts"])
+    return tuple(_chart(chart, layer) for chart in content["charts"])
 
 
 def _chart(chart: Mapping[str, Any], layer: Callable[[Mapping[str, Any]], Layer]) -> Chart:

@@ -183,8 +183,8 @@ def _rate(t: Array, kind: NDArray[np.int64]) -> Array:
     """Share of validated fixes within `RATE_WINDOW_S`, percent."""
     count = np.concatenate([[0.0], np.cumsum(np.isin(kind, VALIDATED_CODES))])
     half = RATE_WINDOW_S / 120.0
-    first, after = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right")
-    return np.asarray(100.0 * (count[after] - count[first]) / (after - first))
+    begin_row, end_row = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right")
+    return np.asarray(100.0 * (count[end_row] - count[begin_row]) / (end_row - begin_row))
 
 
 def _separation_panel(t: Array, series: Series) -> Panel:

@@ -68,8 +68,8 @@ def answers_in_words(findings: Sequence[Finding]) -> str:
     phrased = [(f, shown[f.name]) for f in findings if f.name in shown]
     certain = [text.format(f.found) for f, text in phrased if f.confidence]
     unknown = [f.name for f, _ in phrased if not f.confidence]
-    least = min((f.confidence for f, _ in phrased if f.confidence), default=0.0)
-    parts = [", ".join(certain) + f" (each at {least:.1%} or more)"] if certain else []
+    lowest_confidence = min((f.confidence for f, _ in phrased if f.confidence), default=0.0)
+    parts = [", ".join(certain) + f" (each at {lowest_confidence:.1%} or more)"] if certain else []
     return "; ".join([*parts, *([f"not determined: {', '.join(unknown)}"] if unknown else [])])
 
 

@@ -47,12 +47,12 @@ def standing(figures: Figures) -> Iterator[Finding]:
         f" {degrees(attitude[2])}, a level rate known to {rate:.2g} of the Earth's {level:.1f}"
         f" deg/h, gyro biases to {bias:.2g} deg/h; tilt sigma {degrees(tilt(attitude))}"
     )
-    turn = "repeat it turned by 180 deg about the vertical, which separates gyro bias and heading"
+    remedy = "repeat it turned by 180 deg about the vertical, which separates gyro bias and heading"
     yield ranked(
         "standing",
         20.0,
         text,
-        turn if bias > 0.5 * rate else "stand for longer: the gyros' noise averages out",
+        remedy if bias > 0.5 * rate else "stand for longer: the gyros' noise averages out",
     )
 
 
@@ -167,20 +167,20 @@ def boresight(figures: Figures) -> Iterator[Finding]:
     One that a calibration found has no signs to be mistaken, and one that is accepted was checked;
     of one of ordinary size `hidden` says what an error of it does.
     """
-    turn = figures["boresight_heading_deg"]
-    if turn is None or figures["exposures"] is None or known_boresight(figures["flight"]):
+    heading_deg = figures["boresight_heading_deg"]
+    if heading_deg is None or figures["exposures"] is None or known_boresight(figures["flight"]):
         return
     sigma = figures["exposures"]["attitude_deg"]["median"][2]
-    if abs(turn) <= max(sigma, LARGE_TURN_DEG):
+    if abs(heading_deg) <= max(sigma, LARGE_TURN_DEG):
         return
     text = (
-        f"the bore-sight turns the heading of the images by {turn:+.2f} deg ="
-        f" {abs(turn) / sigma:.1f} sigma; with the wrong signs all images are turned by twice that,"
-        " and no data of this flight can reveal it"
+        f"the bore-sight turns the heading of the images by {heading_deg:+.2f} deg ="
+        f" {abs(heading_deg) / sigma:.1f} sigma; with the wrong signs all images are turned by"
+        " twice that, and no data of this flight can reveal it"
     )
     yield ranked(
         BORESIGHT,
-        abs(turn) / LARGE_TURN_DEG,
+        abs(heading_deg) / LARGE_TURN_DEG,
         text,
         "check the signs of mounting.boresight, or calibrate it on control points;"
         f' accept = ["{BORESIGHT}"] in the flight file says that they are right',

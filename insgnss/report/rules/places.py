@@ -122,11 +122,11 @@ def _first_image(figures: Figures, name: str) -> Iterator[Finding]:
 
 def why_first(figures: Figures, name: str) -> tuple[str, str]:
     """Why heading or tilt of the first image is weak, and what would help."""
-    turn = figures["exposures"]["heading_range_before_first_deg"]
-    why = slow_turns(turn)
+    heading_range = figures["exposures"]["heading_range_before_first_deg"]
+    why = slow_turns(heading_range)
     if name == "tilt":
         why = "too little was flown before it"
-    elif turn < TURN_DEG:
+    elif heading_range < TURN_DEG:
         why = "no turn came before it"
     return why, "make a turn or a figure of eight before the first line"
 

@@ -149,7 +149,7 @@ def use(
     sigma = np.hstack([judged.position_m, judged.attitude_deg])
     insufficient = _rows_beyond_need(sigma, needed)
     weakest = list(_insufficient(figures, judged, sigma, needed))
-    topics = [topic for _, same in weakest for topic in same]
+    topics = [topic for _, covered_topics in weakest for topic in covered_topics]
     reasons = [text for text, _ in weakest]
     inflations = [
         (each, *_factor_and_shift(each, judged)) for each in _reasons_of_wide_sigmas(figures)

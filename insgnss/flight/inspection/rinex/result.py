@@ -95,7 +95,7 @@ class RinexInspection(Shown):
         s = self.survey
         return {
             "name": self.name,
-            "receivers": [_document(one, s) for one in s.receivers],
+            "receivers": [_document(receiver, s) for receiver in s.receivers],
             "why": s.why,
             "navigation": [str(path) for path in s.navigation],
             "messages": s.messages,

@@ -160,7 +160,7 @@ def survey(paths: Sequence[Path]) -> Survey:
             left_out.append((path, str(error)))
     receivers = tuple(_receiver(group) for group in _groups(read))
     rover, base, why = rover_and_base(receivers)
-    satellites = {str(code) for one in broadcast for code in one.satellite}
+    satellites = {str(code) for ephemerides in broadcast for code in ephemerides.satellite}
     messages = Counter(sorted(code[0] for code in satellites))
     return Survey(receivers, rover, base, why, tuple(navigation), dict(messages), tuple(left_out))
 
@@ -182,8 +182,8 @@ def _candidates(paths: Sequence[Path]) -> list[Path]:
 
 def kind_of(path: Path) -> str:
     """Return the letter of a RINEX file's kind, O for observations; empty for other files."""
-    head = bytes(load_rinex(path)[0][:200]).decode("latin-1").splitlines()
-    first = head[0] if head else ""
+    first_lines = bytes(load_rinex(path)[0][:200]).decode("latin-1").splitlines()
+    first = first_lines[0] if first_lines else ""
     if "RINEX VERSION / TYPE" not in first[60:]:
         return ""
     return first[20:21].upper()
@@ -192,8 +192,8 @@ def kind_of(path: Path) -> str:
 def _groups(read: list[Observations]) -> list[list[Observations]]:
     """Observations by receiver, each in order of time."""
     by_receiver: dict[tuple[str, ...], list[Observations]] = {}
-    for one in sorted(read, key=lambda o: (o.gps_week, float(o.time[0]))):
-        header = one.header
+    for file in sorted(read, key=lambda o: (o.gps_week, float(o.time[0]))):
+        header = file.header
         approximate = header.approx_position_m
         key = (
             header.marker or header.path,
@@ -201,7 +201,7 @@ def _groups(read: list[Observations]) -> list[list[Observations]]:
             str(header.version),
             "" if approximate is None else str(np.round(approximate / 1e3).tolist()),
         )
-        by_receiver.setdefault(key, []).append(one)
+        by_receiver.setdefault(key, []).append(file)
     return list(by_receiver.values())
 
 
@@ -250,29 +250,32 @@ def rover_and_base(receivers: Sequence[Receiver]) -> tuple[Receiver | None, Rece
             " or a station of the reference network)",
         )
     rules: tuple[tuple[str, Callable[[Receiver], bool]], ...] = (
-        ("only its file has camera events", lambda one: one.events > 0),
-        ("its header calls the marker NON_GEODETIC", lambda one: _marker_moves(one.header)),
+        ("only its file has camera events", lambda receiver: receiver.events > 0),
+        (
+            "its header calls the marker NON_GEODETIC",
+            lambda receiver: _marker_moves(receiver.header),
+        ),
         (
             "its epochs come oftener than those of the others",
-            lambda one: all(
-                one.interval_s * OFTENER < r.interval_s for r in receivers if r is not one
+            lambda receiver: all(
+                receiver.interval_s * OFTENER < r.interval_s for r in receivers if r is not receiver
             ),
         ),
         (
             "its time lies within that of the others",
-            lambda one: all(_is_within(one, r) for r in receivers if r is not one),
+            lambda receiver: all(_is_within(receiver, r) for r in receivers if r is not receiver),
         ),
     )
     for why, moves in rules:
-        moving = [one for one in receivers if moves(one)]
+        moving = [receiver for receiver in receivers if moves(receiver)]
         if len(moving) == 1:
             rover = moving[0]
-            candidates = [one for one in receivers if one is not rover]
+            candidates = [receiver for receiver in receivers if receiver is not rover]
             base = max(candidates, key=lambda r: _common(rover, r))
             if _common(rover, base) <= 0.0:
                 return rover, None, "no other receiver observed at the rover's time"
             return rover, base, why
-    names = ", ".join(one.files[0].name for one in receivers)
+    names = ", ".join(receiver.files[0].name for receiver in receivers)
     return None, None, f"nothing in {names} tells which receiver flew; name the rover yourself"
 
 

@@ -211,8 +211,8 @@ def weeks(grid: UnknownTable) -> list[int]:
         column = grid.values[:, k]
         if name is not None and squashed(name) not in WEEK_NAMES:
             continue
-        whole = np.ptp(column) <= 2 and (column == np.round(column)).all()
-        if whole and column.min() >= 500 and column.max() <= 4000:
+        is_week = np.ptp(column) <= 2 and (column == np.round(column)).all()
+        if is_week and column.min() >= 500 and column.max() <= 4000:
             out.append(k)
     return out
 

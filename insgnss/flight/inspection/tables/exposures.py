@@ -116,9 +116,9 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
         return {"image": titles[image], "date": titles[days[0]], "time": titles[clocks[0]]}, ""
     for role in ("time", "tow"):
         scores[role][image] = 0
-        if (best := _best_column(scores[role])) is not None:
+        if (column_index := _best_column(scores[role])) is not None:
             of_week = {"week": titles[week]} if role == "tow" and week is not None else {}
-            return {"image": titles[image], role: titles[best]} | of_week, ""
+            return {"image": titles[image], role: titles[column_index]} | of_week, ""
     names = ", ".join(repr(name) for name in titles)
     return {}, (
         f"it lists images ({titles[image]}), but which of {names} is the time of exposure cannot"
@@ -160,8 +160,10 @@ def _seconds(name: str, texts: Sequence[str]) -> int:
     factor = 1e-3 if IN_MS.search(name) else 1.0  # the reader takes the unit of a header
     in_range = (factor * values[-1] < LAST_TOW_S) | (values[0] > UNIX_FROM)
     fits = (np.diff(values) > 0.0).all() and values[0] >= 0.0 and in_range
-    whole = (values == np.round(values)).all()  # a count of images is no time but by its name
-    return score if fits and not (whole and score < 2) else 0
+    are_integers = (
+        values == np.round(values)
+    ).all()  # a count of images is no time but by its name
+    return score if fits and not (are_integers and score < 2) else 0
 
 
 def _numbers(texts: Sequence[str]) -> Array | None:

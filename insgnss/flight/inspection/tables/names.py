@@ -123,11 +123,11 @@ class UnknownTable:
             if name is not None:
                 columns.setdefault(squashed(name), k)
         for k, name in enumerate(self.names):
-            for short in spellings(name)[1:] if name is not None else ():
-                columns.setdefault(short, k)
+            for abbreviation in spellings(name)[1:] if name is not None else ():
+                columns.setdefault(abbreviation, k)
         for k, name in enumerate(self.names):
-            for short in bare(name, OF_VALUES) if name is not None else ():
-                columns.setdefault(short, k)
+            for abbreviation in bare(name, OF_VALUES) if name is not None else ():
+                columns.setdefault(abbreviation, k)
         for name, k in list(columns.items()):
             columns.setdefault(RECEIVER.sub("", name), k)
         return columns
@@ -139,16 +139,20 @@ class UnknownTable:
         x y z is then unknown.
         """
         names = self.named
-        best = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
-        if not best:
+        spelling = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
+        if not spelling:
             names = self._behind_a_word()
-            best = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
-        if not best:
+            spelling = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
+        if not spelling:
             return self._triad_by_words(sensor)
-        if best and best[2][-1].isdecimal() and f"{best[2][:-1]}{int(best[2][-1]) + 1}" in names:
+        if (
+            spelling
+            and spelling[2][-1].isdecimal()
+            and f"{spelling[2][:-1]}{int(spelling[2][-1]) + 1}" in names
+        ):
             return {}
         canonical = GYRO if sensor == "gyro" else ACCEL
-        return {c: names[name] for c, name in zip(canonical, best, strict=False)}
+        return {c: names[name] for c, name in zip(canonical, spelling, strict=False)}
 
     def _triad_by_words(self, sensor: str) -> dict[str, int]:
         """Columns of the first triad of a sensor one of whose words names it; empty without any."""

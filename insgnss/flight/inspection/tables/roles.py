@@ -125,9 +125,9 @@ def _triads_between_constants(rows: Array, alive: list[bool]) -> tuple[int, int]
     """
     triads, first = list[int](), 0
     while first + 3 <= len(alive):
-        whole = all(alive[first : first + 3])
-        triads += [first] * whole
-        first += 3 if whole else 1
+        all_change = all(alive[first : first + 3])
+        triads += [first] * all_change
+        first += 3 if all_change else 1
     data = {k: rows[:, k : k + 3] for k in triads}
     heavy = [
         k
@@ -242,10 +242,10 @@ def _repeat_column(
     It is a clock that stands still with the position where there is one, else the latitude.
     """
     fix = {role: grid.values[:, k] for role, k in columns.items()}
-    held = (np.diff(fix["lat"]) == 0.0) & (np.diff(fix["lon"]) == 0.0)
-    if not held.size or not held.mean() > 0.5:
+    repeated = (np.diff(fix["lat"]) == 0.0) & (np.diff(fix["lon"]) == 0.0)
+    if not repeated.size or not repeated.mean() > 0.5:
         return None
-    marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == ~held) > 0.95]
+    marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == ~repeated) > 0.95]
     if marks and len(ticks) > 1:
         return marks[0]
     further = [column for role, column in fix.items() if role not in ("lat", "lon")]
@@ -286,7 +286,7 @@ def _unusable_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, s
     numbers are of use, and zeros, or what is no number, of some of the fixes, as of one kind of
     several.
     """
-    bad = {}
+    reasons = {}
     for role, k in columns.items():
         column = np.nan_to_num(grid.values[:, k])
         if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
@@ -294,17 +294,17 @@ def _unusable_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, s
         if role in SIGMA_ROLES and column.min() == 0.0 and (column > 0.0).mean() > STATED_SHARE:
             continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
-            bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
+            reasons[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
     velocities = {role for role in columns if role in VELOCITY_SIGMAS}
-    if not columns.keys() - bad.keys() >= VELOCITY_SIGMAS:
-        bad = dict.fromkeys(velocities, "not all three are of use") | bad
+    if not columns.keys() - reasons.keys() >= VELOCITY_SIGMAS:
+        reasons = dict.fromkeys(velocities, "not all three are of use") | reasons
     elif "sd_v" in columns:
-        bad["sd_v"] = "others are taken"
+        reasons["sd_v"] = "others are taken"
     of_place = {role for role in columns if role in SIGMA_ROLES}
     for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
-        if complete <= columns.keys() - bad.keys():
-            return dict.fromkeys(of_place - complete, "others are taken") | bad
-    return dict.fromkeys(of_place, "not all three are of use") | bad
+        if complete <= columns.keys() - reasons.keys():
+            return dict.fromkeys(of_place - complete, "others are taken") | reasons
+    return dict.fromkeys(of_place, "not all three are of use") | reasons
 
 
 def _quality(grid: UnknownTable, columns: dict[str, int], units: dict[str, str]) -> dict[str, str]:
@@ -333,8 +333,8 @@ def fixes_by_values(grid: UnknownTable) -> Roles | None:
     roles = gnss_by_values(grid)
     if roles is None or "sd_n" not in roles.columns:
         return roles
-    taken = {*roles.columns.values(), *roles.clocks, *weeks(grid)}
-    match = quality_by_values(grid, taken, grid.values[:, roles.columns["sd_n"]])
+    used_columns = {*roles.columns.values(), *roles.clocks, *weeks(grid)}
+    match = quality_by_values(grid, used_columns, grid.values[:, roles.columns["sd_n"]])
     if match is None:
         return roles
     k, codes = match

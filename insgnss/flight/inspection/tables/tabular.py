@@ -123,13 +123,13 @@ def _zero_filled(grid: UnknownTable, finite: Any) -> UnknownTable:
     return replace(grid, values=values)
 
 
-def _unread_columns(table: GridTable, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
+def _unread_columns(table: GridTable, finite: Any, inputs: list[Roles]) -> tuple[str, ...]:
     """Name the columns that no input takes, with the reason where there is a particular one."""
     grid = table.grid
     used: set[int | None] = {fine for fine, _ in grid.fractions.values()}
     reasons: dict[int, str] = {}
     date = set(calendar_columns(table.fields).values())
-    for roles in taken:
+    for roles in inputs:
         first, *further = roles.clocks or (None,)
         used |= date if first in date else set()
         used |= {*roles.columns.values(), first, roles.week, roles.repeat_column}
@@ -358,8 +358,10 @@ def _spell_out(
         if not (_is_text(path) and " ".join(listed) in spec.layouts):
             entry.set("columns", listed, how)
         return
-    taken = [(name, k) for k, name in enumerate(spec.named(table.fields)) if name is not None]
-    by_itself = dict(taken) == columns and len(taken) == len(columns)
+    named_columns = [
+        (name, k) for k, name in enumerate(spec.named(table.fields)) if name is not None
+    ]
+    by_itself = dict(named_columns) == columns and len(named_columns) == len(columns)
     if not (_is_text(path) and by_itself):
         entry.set("columns", {name: table.fields[k] for name, k in columns.items()}, how)
 

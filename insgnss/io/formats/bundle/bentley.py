@@ -91,12 +91,12 @@ def write_bentley(
     comment = comment_lines(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
-    head = BENTLEY_HEAD.format(
+    opening = BENTLEY_HEAD.format(
         comment=comment, name=xml_text(frame_words(eo)), definition=xml_text(definition)
     )
     atomic_write(
         path,
-        _text(eo, head, camera, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), coordinates])),
+        _text(eo, opening, camera, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), coordinates])),
     )
 
 

@@ -196,7 +196,7 @@ def _model_texts(
         f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the"
         " positions"
     )
-    head = comment_lines(
+    comments = comment_lines(
         eo, subtracted, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of its points"
     )
     rows = [
@@ -207,7 +207,7 @@ def _model_texts(
     texts = {
         "cameras.txt": ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n", *lines],
         "points3D.txt": ["# POINT3D_ID X Y Z R G B ERROR TRACK[]; none yet\n"],
-        "images.txt": [head, *rows],
+        "images.txt": [comments, *rows],
     }
     if any(image.frame is not None for image in images):
         rigs = dict.fromkeys((image.rig, image.camera) for image in images)
@@ -229,8 +229,8 @@ def _shift(eo: FramedOrientation, shift: str | Sequence[float] | None) -> Array:
     if shift is None:
         if not eo.images or np.abs(eo.coordinates).max() <= SHIFTED_FROM_M:
             return np.zeros(3)
-        whole = np.round(eo.coordinates.mean(axis=0) / SHIFT_STEP_M) * SHIFT_STEP_M
-        return np.where(np.abs(whole) > LEAST_SHIFT_M, whole, 0.0)
+        rounded_centre = np.round(eo.coordinates.mean(axis=0) / SHIFT_STEP_M) * SHIFT_STEP_M
+        return np.where(np.abs(rounded_centre) > LEAST_SHIFT_M, rounded_centre, 0.0)
     return vector(shift, "shift")
 
 

@@ -156,11 +156,11 @@ def names_in_database(
     by_file: dict[str, list[str]] = {}
     for name in names:
         by_file.setdefault(name.replace("\\", "/").rpartition("/")[2], []).append(name)
-    whole = set(names)
-    choices = [[image] if image in whole else by_file.get(image, []) for image in images]
+    requested = set(names)
+    choices = [[image] if image in requested else by_file.get(image, []) for image in images]
     missing = [image for image, matches in zip(images, choices, strict=True) if not matches]
     if missing and (not skip or len(missing) == len(images)):
-        unused = sorted(whole - {matches[0] for matches in choices if matches})
+        unused = sorted(requested - {matches[0] for matches in choices if matches})
         has = f"; it has {shown(unused[0])}" if unused else ""
         message = (
             f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing){has}:"

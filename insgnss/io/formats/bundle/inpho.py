@@ -113,11 +113,11 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"
         " up, z back) to the frame"
     )
-    head = (
+    comments = (
         comment_lines(eo, angles, "time: seconds of the GPS week, GPS time")
         + "# id E N H omega phi kappa time\n"
     )
-    write_columns(eo, path, "image xyz opk tow", " ", head, ids)
+    write_columns(eo, path, "image xyz opk tow", " ", comments, ids)
 
 
 def photo_ids(images: Sequence[str]) -> tuple[str, ...]:

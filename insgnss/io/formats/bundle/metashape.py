@@ -100,10 +100,10 @@ def _offset_text(eo: FramedOrientation) -> str:
         ),
         "the positions are those of the projection centre: the location stays 0",
     )
-    head = comment_lines(
+    comments = comment_lines(
         eo, *lines, applied="lever arm applied, bore-sight not applied in the angles of the csv"
     )
-    return head + "".join(offsets)
+    return comments + "".join(offsets)
 
 
 def _mountings(eo: FramedOrientation) -> list[tuple[str, Array, Array]]:
@@ -125,5 +125,5 @@ def _write(eo: FramedOrientation, path: Source, angles: str, names: tuple[str, .
     if eo.frame.kind != GEOGRAPHIC:
         position = (f"Easting ({one_line(frame_words(eo))})", "Northing", "Height")
     columns = ("#Label", *position, *names, *(f"{name}_acc" for name in ("X", "Y", "Z", *names)))
-    head = ",".join(columns) + "\n"
-    write_columns(eo, path, f"image xyz {angles} s_xyz s_{angles}", ",", head)
+    header = ",".join(columns) + "\n"
+    write_columns(eo, path, f"image xyz {angles} s_xyz s_{angles}", ",", header)

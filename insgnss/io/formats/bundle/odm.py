@@ -46,5 +46,5 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
         "columns: name x y z yaw pitch roll horizontal vertical; angles left out, since the reader"
         " turns them"
     )
-    head = f"{code}\n{comment_lines(eo, columns)}"
-    write_columns(eo, path, "image xyz NaN NaN NaN s_plan", " ", head)
+    header = f"{code}\n{comment_lines(eo, columns)}"
+    write_columns(eo, path, "image xyz NaN NaN NaN s_plan", " ", header)

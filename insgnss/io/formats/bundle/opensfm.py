@@ -53,8 +53,8 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
         },
         indent=1,
     )
-    beside = Path(path).with_name(REFERENCE)
-    present = destination(beside)
+    reference_file = Path(path).with_name(REFERENCE)
+    present = destination(reference_file)
     if present.exists() and present.read_text(encoding="utf-8") != reference:
         raise UsageError(
             f"{present}: holds another reference than this export, which would make its angles"
@@ -65,7 +65,7 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
     table = np.hstack(
         [numbers_of(eo, "llh"), sigma[:, :1], numbers_of(eo, "opk"), np.degrees(sigma[:, 1:])]
     )
-    atomic_writes({Path(path): _entries(eo.images, table), beside: reference})
+    atomic_writes({Path(path): _entries(eo.images, table), reference_file: reference})
 
 
 def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:

@@ -227,9 +227,9 @@ def _sensor(
     }
 
 
-def _json(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> Iterator[str]:
+def _json(name: str, content: dict[str, Any], lists: dict[str, Iterator[str]]) -> Iterator[str]:
     """A core item; its long lists line by line, since only json's plain encoder is compiled."""
-    start = {"format": OPF_MIME.format(name.replace("_", "-")), "version": "1.0", **head}
+    start = {"format": OPF_MIME.format(name.replace("_", "-")), "version": "1.0", **content}
     yield json.dumps(start, indent=1).removesuffix("\n}")
     for key, items in lists.items():
         yield from listed_rows(f',\n "{key}": [\n  ', items, ",\n  ", "\n ]")
@@ -252,18 +252,23 @@ def _captures(
         '"coordinates":[%.10f,%.10f,%.4f],'
         '"sigmas":[%.5f,%.5f,%.5f]}'
     )
-    turn = '"orientation":{"type":"omega_phi_kappa","crs":' + json.dumps(crs).replace("%", "%%")
-    turn += ',"angles_deg":[%.6f,%.6f,%.6f],"sigmas_deg":[%.6f,%.6f,%.6f]}'
-    square = ",".join("[" + ",".join(["%.9g"] * 6) + "]" for _ in range(6))
-    full = f'"extensions":{{"INSGNSS_covariance":{{"version":"1.0","cov6":[{square}]}}}}'
-    form = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,'
-    form += f'"rig_model_source":"not_applicable","time":"%s",{geolocation},{turn},{full}}}'
+    orientation = '"orientation":{"type":"omega_phi_kappa","crs":' + json.dumps(crs).replace(
+        "%", "%%"
+    )
+    orientation += ',"angles_deg":[%.6f,%.6f,%.6f],"sigmas_deg":[%.6f,%.6f,%.6f]}'
+    matrix_template = ",".join("[" + ",".join(["%.9g"] * 6) + "]" for _ in range(6))
+    covariance = (
+        f'"extensions":{{"INSGNSS_covariance":{{"version":"1.0","cov6":[{matrix_template}]}}}}'
+    )
+    template = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,'
+    template += f'"rig_model_source":"not_applicable","time":"%s",{geolocation},'
+    template += f"{orientation},{covariance}}}"
     sigma = local_sigma(eo)[:, [1, 0, 2]]
     table = np.hstack([numbers_of(eo, "llh"), sigma, angles, eo.cov.reshape(-1, 36)])
     for (capture, camera_id), sensor, time, row in zip(
         *numbered, utc(eo), table.tolist(), strict=True
     ):
-        yield form % (capture, camera_id, sensor, camera_id, time, *row)
+        yield template % (capture, camera_id, sensor, camera_id, time, *row)
 
 
 def _projected(
@@ -281,8 +286,10 @@ def _project(eo: FramedOrientation, names: list[str]) -> dict[str, Any]:
         uuid.NAMESPACE_URL, "insgnss:" + "\n".join([eo.frame.name, str(eo.gps_week), *eo.images])
     )
     ids = {name: str(uuid.uuid5(space, name)) for name in names}
-    more = "projected cameras are left out, since OPF would take these heights to be above another"
-    left_out = () if len(names) == len(ITEMS) else (f"{more} surface",)
+    remark = (
+        "projected cameras are left out, since OPF would take these heights to be above another"
+    )
+    left_out = () if len(names) == len(ITEMS) else (f"{remark} surface",)
     return {
         "format": OPF_MIME.format("project"),
         "version": "1.0",

@@ -42,11 +42,11 @@ def write_pix4d_matic(eo: FramedOrientation, path: Source) -> None:
     if eo.frame.northing_first:
         names.reverse()
         plan = "y x"
-    head = (
+    header = (
         f"#imagename,{names[0]}"
         f" ({one_line(frame_words(eo))}),{names[1]},z,yaw,pitch,roll,accuracyHorz,accuracyVert\n"
     )
-    write_columns(eo, path, f"image {plan} z ypr s_plan", ",", head)
+    write_columns(eo, path, f"image {plan} z ypr s_plan", ",", header)
 
 
 def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:

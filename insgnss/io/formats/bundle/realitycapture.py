@@ -56,8 +56,8 @@ def _write(eo: FramedOrientation, path: Source, accuracies: bool) -> None:
     plan, plan_header = (
         ("y x", "latitude,longitude") if eo.frame.kind == GEOGRAPHIC else ("x y", "x,y")
     )
-    columns, head = f"image {plan} z ypr", f"#name,{plan_header},altitude,yaw,pitch,roll"
+    columns, header = f"image {plan} z ypr", f"#name,{plan_header},altitude,yaw,pitch,roll"
     if accuracies:
         columns += " s_xyz s_ypr"
-        head += ",accX,accY,accZ,accYaw,accPitch,accRoll"
-    write_columns(eo, path, columns, ",", f"{comment_lines(eo, ANGLES_REMARK)}{head}\n")
+        header += ",accX,accY,accZ,accYaw,accPitch,accRoll"
+    write_columns(eo, path, columns, ",", f"{comment_lines(eo, ANGLES_REMARK)}{header}\n")

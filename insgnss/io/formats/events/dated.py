@@ -53,11 +53,11 @@ MATTERS_S = 5e-3  # last digit of a stamp (s): a coarser one adds 15 mm and more
 GIVE_SCALE = 'time_scale "utc", "gpst", or of a camera in local time "utc+02:00"'
 
 
-def is_dated(head: bytes) -> bool:
+def is_dated(beginning: bytes) -> bool:
     """Tell whether the first lines of a table hold dates with a time of day and no time of week."""
     lines = [
         line
-        for line in decode(head).splitlines()[:6]
+        for line in decode(beginning).splitlines()[:6]
         if line.strip() and not line.lstrip().startswith("%")
     ]
     if any(re.search(TIME_OF_WEEK, line.lower()) for line in lines[:1]):
@@ -177,8 +177,11 @@ def _fields(line: FileLine, text: str, delimiter: str) -> list[str]:
     try:
         return next(csv.reader([text], delimiter=delimiter))
     except csv.Error:
-        most = csv.field_size_limit()
-        problem = f"{shown(text)} has a carriage return or a field of more than {most} characters"
+        default_limit = csv.field_size_limit()
+        problem = (
+            f"{shown(text)} has a carriage return or a field of more than {default_limit}"
+            " characters"
+        )
         raise line.error(f"{problem}; save it with line ends LF") from None
 
 

@@ -71,7 +71,7 @@ class MrkFile(AtLines):
     sigma_neu: Array | None = None
 
 
-def is_mrk(head: bytes) -> bool:
+def is_mrk(beginning: bytes) -> bool:
     """Tell whether the first bytes of a file are those of an .MRK.
 
     Its numbers have names behind commas, such as `-26,N`.
@@ -79,7 +79,7 @@ def is_mrk(head: bytes) -> bool:
     return (
         re.search(
             rb"^[ \t]*\d+[ \t,;]+\d+\.\d*[^\n]*[\d.][ \t]*,[ \t]*(?:Lat|Ellh|[NEVQ])\b",
-            head,
+            beginning,
             re.MULTILINE,
         )
         is not None
@@ -176,8 +176,8 @@ def read_events_mrk(path: Source, options: ReadOptions = STATED_NOTHING) -> Came
     events = events_in_order(names, time, mrk, gps_week, notes)
     if mrk.offset_ned is None:
         return events
-    if (long := np.linalg.norm(mrk.offset_ned, axis=1) > LONGEST_OFFSET_M).any():
-        row = int(np.argmax(long))
+    if (too_long := np.linalg.norm(mrk.offset_ned, axis=1) > LONGEST_OFFSET_M).any():
+        row = int(np.argmax(too_long))
         raise mrk.error_at(
             row,
             f"the camera is {np.linalg.norm(mrk.offset_ned[row]):.1f} m from the antenna (limit"

@@ -331,7 +331,7 @@ def _put_together(
         f"SELECT tile_column, tile_row, tile_data FROM {source} WHERE zoom_level = ? AND"
         " tile_column BETWEEN ? AND ? AND tile_row BETWEEN ? AND ?"
     )
-    whole: Any = np.zeros((north - south + 1, east - west + 1, 1, 1, 4), dtype=np.uint8)
+    mosaic: Any = np.zeros((north - south + 1, east - west + 1, 1, 1, 4), dtype=np.uint8)
     for column, row, blob in database.execute(query, (level, west, east, south, north)):
         try:
             with Image.open(io.BytesIO(blob)) as image:
@@ -341,10 +341,10 @@ def _put_together(
                 tile, _ = _reduced(image, 1.0)
         except (OSError, SyntaxError) as error:
             raise ValueError(f"tile {level}/{column}/{row} is no picture: {error}") from None
-        if whole.shape[2] == 1:
-            whole = np.zeros((*whole.shape[:2], side, side, 4), dtype=np.uint8)
-        if tile.shape[:2] != whole.shape[2:4]:
+        if mosaic.shape[2] == 1:
+            mosaic = np.zeros((*mosaic.shape[:2], side, side, 4), dtype=np.uint8)
+        if tile.shape[:2] != mosaic.shape[2:4]:
             raise ValueError(f"tile {level}/{column}/{row} has another size than its neighbours")
-        whole[north - row, column - west] = tile
-    rows, columns, high, wide, bands = whole.shape
-    return whole.swapaxes(1, 2).reshape(rows * high, columns * wide, bands)
+        mosaic[north - row, column - west] = tile
+    rows, columns, high, wide, bands = mosaic.shape
+    return mosaic.swapaxes(1, 2).reshape(rows * high, columns * wide, bands)

@@ -70,14 +70,14 @@ def write_geojson(
                 f"{eo.frame.name} names northing first, orthority takes easting first; use its"
                 " east-north sibling"
             )
-    head: dict[str, object] = {"type": "FeatureCollection", "insgnss": sentences(eo)}
+    collection: dict[str, object] = {"type": "FeatureCollection", "insgnss": sentences(eo)}
     if dialect == "orthority":
-        head["world_crs"] = eo.frame.wkt
+        collection["world_crs"] = eo.frame.wkt
     if eo.frame.datum != "EPSG:4979":  # the member of 2008, since RFC 7946 knows WGS 84 alone
         urn = "urn:ogc:def:crs:" + eo.frame.datum.replace(":", "::")
-        head["crs"] = {"type": "name", "properties": {"name": urn}}
+        collection["crs"] = {"type": "name", "properties": {"name": urn}}
     rows = _orthority_features(eo, camera) if dialect == "orthority" else _features(eo)
-    start = json.dumps(head).removesuffix("}") + ', "features": [\n'
+    start = json.dumps(collection).removesuffix("}") + ', "features": [\n'
     atomic_write(path, listed_rows(start, rows, ",\n", "\n]}\n"))
 
 
@@ -170,9 +170,9 @@ def cut_at_antimeridian(position: Array) -> list[Array]:
     return [line for piece in pieces if len(line := np.vstack(piece)) > 1]
 
 
-def _point_unless_same(point: Array, same: Array) -> Array:
+def _point_unless_same(point: Array, neighbour: Array) -> Array:
     """Return a point as (1, 3), or (0, 3) where it is the same as another."""
-    return point[None] if np.any(point != same) else np.empty((0, 3))
+    return point[None] if np.any(point != neighbour) else np.empty((0, 3))
 
 
 def _orthority_features(eo: FramedOrientation, camera: str) -> Iterator[str]:

@@ -98,5 +98,5 @@ def config(new: Properties, stale: Mapping[str, tuple[str, ...]]) -> str:
             f"%{table} = (\n  GROUPS => {{ 0 => 'XMP', 1 => 'XMP-{prefix}', 2 => 'Camera' }},\n"
             f"  NAMESPACE => {{ '{prefix}' => '{uri}' }},\n  WRITABLE => 'string',\n{names});\n"
         )
-    head = "%Image::ExifTool::UserDefined = (\n  'Image::ExifTool::XMP::Main' => {\n"
-    return head + "\n".join(main) + "\n  },\n);\n" + "".join(tables) + "1;\n"
+    header = "%Image::ExifTool::UserDefined = (\n  'Image::ExifTool::XMP::Main' => {\n"
+    return header + "\n".join(main) + "\n  },\n);\n" + "".join(tables) + "1;\n"

@@ -281,7 +281,7 @@ def _tags(
     """Return a function that makes the tags of a row."""
     ypr, sigma_ypr = true_north_ypr(eo)
     sigma = local_sigma(eo)
-    turn, gimbal_texts = gimbal_angles(eo, ypr[:, 0], gimbal)
+    gimbal_deg, gimbal_texts = gimbal_angles(eo, ypr[:, 0], gimbal)
     position = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
     elevation = np.degrees(np.arcsin(np.clip(eo.C_Ec[:, 2, 2], -1.0, 1.0)))
 
@@ -292,7 +292,7 @@ def _tags(
             ypr=np.degrees(ypr[k]).tolist(),
             sigma_ypr=np.degrees(sigma_ypr[k]).tolist(),
             elevation=float(elevation[k]),
-            gimbal=None if turn is None else turn[k].tolist(),
+            gimbal=None if gimbal_deg is None else gimbal_deg[k].tolist(),
             gimbal_words=gimbal_texts[k],
             when=calendar_from_gps(eo.gps_week, float(eo.time[k])),
             sea_level=at_sea,

@@ -86,11 +86,11 @@ def exif_of(read: Read, size: int, who: str) -> bytes:
 
 def _insert_index(segments: list[tuple[int, bytes]], start: bytes) -> int:
     """Return where to insert: behind JFIF, and XMP behind Exif."""
-    before = [
+    rows_before = [
         marker == APP0 or (marker == APP1 and start == PACKET and content.startswith(EXIF))
         for marker, content in segments
     ]
-    return before.index(False) if False in before else len(before)
+    return rows_before.index(False) if False in rows_before else len(rows_before)
 
 
 def _segments(read: Read, size: int, who: str) -> tuple[list[tuple[int, bytes]], int]:

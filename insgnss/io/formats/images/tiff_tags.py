@@ -164,9 +164,10 @@ class Tiff:
         return {} if entry is None else self._directory(self._offset(entry))[0]
 
     def _offset(self, entry: _Entry) -> int:
-        short = SIZES.get(entry.kind) == 4
+        is_offset_of_4 = SIZES.get(entry.kind) == 4
         return self._unpack(
-            "I" if short else self._word, entry.field[: 4 if short else self._bytes]
+            "I" if is_offset_of_4 else self._word,
+            entry.field[: 4 if is_offset_of_4 else self._bytes],
         )
 
     def _directory(self, offset: int) -> tuple[dict[int, _Entry], int]:

@@ -64,8 +64,8 @@ def set_properties(
             f"\n  {prefix}:{name}={quoteattr(value)}" for name, value in values.items()
         )
     text = re.sub(rf"<{rdf}:RDF([^>]*)/>", rf"<{rdf}:RDF\1></{rdf}:RDF>", text)
-    head, end, foot = text.rpartition(f"</{rdf}:RDF>")
-    text = f"{head}{entry}/>\n{end}{foot}"
+    beginning, end, closing = text.rpartition(f"</{rdf}:RDF>")
+    text = f"{beginning}{entry}/>\n{end}{closing}"
     if not end or not _is_written_once(text, new, stale):
         raise _broken(who, "is not well formed")
     return text.encode("utf-8")
@@ -89,8 +89,8 @@ def _is_written_once(text: str, new: Properties, stale: Mapping[str, tuple[str, 
         for key in (element.tag, *element.attrib):
             count[str(key)] = count.get(str(key), 0) + 1
     ours = {f"{{{uri}}}{name}" for (_, uri), values in new.items() for name in values}
-    gone = {f"{{{uri}}}{name}" for uri, names in stale.items() for name in names} - ours
-    return all(count.get(key) == 1 for key in ours) and not gone & set(count)
+    stale_names = {f"{{{uri}}}{name}" for uri, names in stale.items() for name in names} - ours
+    return all(count.get(key) == 1 for key in ours) and not stale_names & set(count)
 
 
 def _broken(who: str, message: str) -> InputError:

@@ -52,7 +52,7 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
     if gyro.gps_week is not None and accel.gps_week is not None:
         time = time + WEEK_S * (accel.gps_week - gyro.gps_week)
     units = {**gyro.units, **{key: unit for key, unit in accel.units.items() if key == "accel"}}
-    notes = (*gyro.notes, *(one for one in accel.notes if one not in gyro.notes))
+    notes = (*gyro.notes, *(own_note for own_note in accel.notes if own_note not in gyro.notes))
     if np.array_equal(time, gyro.time):
         return replace(gyro, accel=accel.accel, units=units, notes=notes)
     if gyro.quantity == "increments":
@@ -72,7 +72,7 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
     inside = np.count_nonzero((gyro.time > time[0]) & (gyro.time <= time[-1]))
     missing = inside - kept  # the first may lack the begin of its interval
     remark = f"; {missing} gyro samples without accelerometers left out" if missing > 1 else ""
-    done = note(
+    resampling_note = note(
         "IMU files",
         f"accelerometers ({rates[0]:.4g} Hz) resampled to the gyros' stamps ({rates[1]:.4g} Hz)"
         f"{remark}",
@@ -85,28 +85,28 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
         gyro=gyro.gyro[covered],
         accel=force[covered],
         temperature=None if gyro.temperature is None else gyro.temperature[covered],
-        notes=(*notes, done),
+        notes=(*notes, resampling_note),
         units=units,
     )
 
 
 def _resampled(
-    wanted: Array, time: Array, force: Array, quantity: Quantity
+    stamps: Array, time: Array, force: Array, quantity: Quantity
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return forces (n, 3) at the wanted stamps (n,), and where there are any."""
-    step = np.diff(wanted)
+    step = np.diff(stamps)
     usual = float(np.median(step))
-    begin = wanted - np.concatenate([[usual], np.where(step > LOST_INTERVALS * usual, usual, step)])
+    begin = stamps - np.concatenate([[usual], np.where(step > LOST_INTERVALS * usual, usual, step)])
     if quantity == "instant_rate":
-        begin = wanted
-        out = columns_at(wanted, time, force)
+        begin = stamps
+        out = columns_at(stamps, time, force)
     else:
         steps = np.diff(time, prepend=time[0])
         integral = np.cumsum(force * steps[:, None], axis=0)
-        gained = columns_at(wanted, time, integral) - columns_at(begin, time, integral)
-        out = gained / (wanted - begin)[:, None]
-    covered = (begin >= time[0]) & (wanted <= time[-1])
+        gained = columns_at(stamps, time, integral) - columns_at(begin, time, integral)
+        out = gained / (stamps - begin)[:, None]
+    covered = (begin >= time[0]) & (stamps <= time[-1])
     lacking = np.diff(time) > LOST_INTERVALS * float(np.median(np.diff(time)))
     for k in np.flatnonzero(lacking):
-        covered &= (wanted <= time[k]) | (begin >= time[k + 1])
+        covered &= (stamps <= time[k]) | (begin >= time[k + 1])
     return out, covered

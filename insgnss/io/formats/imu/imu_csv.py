@@ -195,12 +195,14 @@ def _direct(
 ) -> tuple[dict[str, Array], Array, Array] | None:
     """Return columns of the clock, and both triads, as `direct` reads them."""
     factors = _factors(scales, _backward(table))
-    wanted = {
+    requested_columns = {
         sensor: [(table.index.get(name), factors[name]) for name in names]
         for sensor, names in (("gyro", GYRO), ("accel", ACCEL))
     }
-    wanted |= {name: [(k, 1.0)] for name, k in table.index.items() if name not in factors}
-    arrays = read_columns(buf, table.table.layout, wanted)
+    requested_columns |= {
+        name: [(k, 1.0)] for name, k in table.index.items() if name not in factors
+    }
+    arrays = read_columns(buf, table.table.layout, requested_columns)
     if arrays is None:
         return None
     gyro, accel = arrays.pop("gyro"), arrays.pop("accel")
@@ -320,13 +322,17 @@ def _by_rate(
     """
     if "counter" not in clock or rows < 2:
         return np.arange(rows) / rate_hz, ()
-    unit = f"{1.0 / rate_hz!r} s"
-    packets, _, _, notes = on_one_clock(lines, clock["counter"], None, unit, "IMU rows", same)
+    sample_unit = f"{1.0 / rate_hz!r} s"
+    packets, _, _, notes = on_one_clock(
+        lines, clock["counter"], None, sample_unit, "IMU rows", same
+    )
     packets = packets - packets[0]
     count = packets / max(float(np.median(np.diff(packets))), 1.0)
     if missing := round(float(count.max())) + 1 - rows:
         row = int(np.argmax(np.diff(count) > 1.5)) + 1
-        first = line_of(lines, row)
-        finding = f"{missing} samples are lost by the count of packets, the first before {first}"
+        first_gap = line_of(lines, row)
+        finding = (
+            f"{missing} samples are lost by the count of packets, the first before {first_gap}"
+        )
         notes = (*notes, note("IMU rows", finding, "every packet", "check the logger's buffer"))
     return count / rate_hz, notes

@@ -356,9 +356,9 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
 
 def _json_columns(curve: dict[str, Any], kind: str, refuse: Refusal) -> dict[str, Array]:
     """Return the columns of a curve of wv::wvar or of avar::avar, whose levels are times."""
-    for key, wanted in (("decomp", "modwt"), ("filter", "haar"), ("type", "mo")):
-        if key in curve and (got := _strings(curve[key], key, refuse)[0]) != wanted:
-            raise refuse(f"{key} {got!r}; only {wanted!r} (overlapping, Haar) can be fitted")
+    for key, expected in (("decomp", "modwt"), ("filter", "haar"), ("type", "mo")):
+        if key in curve and (actual := _strings(curve[key], key, refuse)[0]) != expected:
+            raise refuse(f"{key} {actual!r}; only {expected!r} (overlapping, Haar) can be fitted")
     columns = {name: _numbers(curve.get(key), key, refuse) for key, name in JSON_NAMES[kind]}
     if len({column.size for column in columns.values()}) != 1:
         keys = ", ".join(key for key, _ in JSON_NAMES[kind])

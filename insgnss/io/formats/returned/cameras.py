@@ -240,8 +240,8 @@ def _pix4d(path: Path) -> Cameras:
 
 def _pix4d_size(path: Path) -> tuple[int, int]:
     """Return the size of the images, which a .cam does not have: of the first image beside it."""
-    for beside in sorted(path.parent.glob("*_calibrated_camera_parameters.txt")):
-        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", decoded(beside)):
+    for parameter_file in sorted(path.parent.glob("*_calibrated_camera_parameters.txt")):
+        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", decoded(parameter_file)):
             return whole(match[1]), whole(match[2])
     raise InputError.in_file(
         path,

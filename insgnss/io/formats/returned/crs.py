@@ -85,8 +85,8 @@ def stated_crs(path: Source) -> str | None:
     plane = origin_in(path)
     if plane is not None:
         return statement_of(plane)
-    head = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
-    wkt = COORDINATE_SYSTEM.match(head)
+    beginning = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
+    wkt = COORDINATE_SYSTEM.match(beginning)
     kind, crs = ("", "") if wkt is None else kind_of_wkt(wkt[1].strip(), path)
     return crs or ("EPSG:4979" if kind == GEOGRAPHIC else None)
 

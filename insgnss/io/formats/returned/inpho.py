@@ -111,9 +111,9 @@ def _axes(fields: Mapping[str, str], path: Source) -> tuple[Array, Array]:
         problem = "$CCD_INTERIOR_ORIENTATION mirrors the image; export it again"
         raise InputError.in_file(path, problem)
     down = A[1] / np.linalg.norm(A[1])
-    turn = np.diag([0.0, 0.0, -1.0])
-    turn[:2, :2] = [-down[1], down[0]], down
-    return A @ turn[:2, :2].T, turn
+    rotation = np.diag([0.0, 0.0, -1.0])
+    rotation[:2, :2] = [-down[1], down[0]], down
+    return A @ rotation[:2, :2].T, rotation
 
 
 def _camera(
@@ -253,10 +253,10 @@ def _axes_rotation(sensors: Mapping[str, Array], named: tuple[int, str], path: S
     Without a definition of any camera the pixels are taken to lie along them.
     """
     line, name = named
-    turn = sensors.get(name)
-    if turn is None:
-        turn = next(iter(sensors.values()), CV_RUB)
-        if any(np.abs(R - turn).max() > SAME_TURN for R in sensors.values()):
+    rotation = sensors.get(name)
+    if rotation is None:
+        rotation = next(iter(sensors.values()), CV_RUB)
+        if any(np.abs(R - rotation).max() > SAME_TURN for R in sensors.values()):
             nearest = near(name, sensors)
             raise InputError.at_line(path, line, f"camera {shown(name)} is not defined; {nearest}")
-    return turn
+    return rotation

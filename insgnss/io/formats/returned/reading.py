@@ -49,14 +49,14 @@ PROJECT_HEADS = {  # first bytes in lower case
 }
 
 
-def returned_form(path: Source, head: str) -> str:
+def returned_form(path: Source, beginning: str) -> str:
     """Return the format of a file or directory, empty where it is none of `RETURNED`.
 
     Parameters
     ----------
     path : path
         The file or directory.
-    head : str
+    beginning : str
         First bytes of a file, as text; empty of a directory.
 
     Returns
@@ -78,7 +78,7 @@ def returned_form(path: Source, head: str) -> str:
     for format_name, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", PIX4D_CAMERA)):
         if path.name.endswith(f"{ending}.txt"):
             return format_name
-    text = head.lower()
+    text = beginning.lower()
     for format_name, pattern in PROJECT_HEADS.items():
         flags = re.MULTILINE | (re.DOTALL if format_name in ("opensfm", "odm_shots") else 0)
         if re.search(pattern, text, flags):

@@ -355,12 +355,14 @@ def _pix4d_offset_and_crs(
         )
     project = file.name.partition(ending)[0] if ending in file.name else ""
     offset, notes = np.zeros(3), []
-    beside = file.with_name(f"{project}_offset.xyz")
-    if project and beside.is_file():
-        fields = " ".join(lines_of(decoded(beside))).split()
+    offset_file = file.with_name(f"{project}_offset.xyz")
+    if project and offset_file.is_file():
+        fields = " ".join(lines_of(decoded(offset_file))).split()
         if len(fields) != len(offset):
-            raise InputError.at_line(beside, 1, f"{len(fields)} numbers, expected 3; copy it again")
-        offset = np.array(numbers(fields, beside, 1))
+            raise InputError.at_line(
+                offset_file, 1, f"{len(fields)} numbers, expected 3; copy it again"
+            )
+        offset = np.array(numbers(fields, offset_file, 1))
     elif float(np.abs(position).max(initial=0.0)) < FAR_M:
         notes.append(
             f"{file.name}: no {project or '<project>'}_offset.xyz beside it; coordinates are taken"
@@ -429,8 +431,8 @@ def read_named_positions(path: Source) -> ReturnedPoses:
         As there.
     """
     table = read_position_table(path)
-    head = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
-    code = EPSG.search("".join(line for line in lines_of(head) if line.startswith("#")))
+    beginning = first_bytes(path, ORIGIN_BYTES).decode("latin-1")
+    code = EPSG.search("".join(line for line in lines_of(beginning) if line.startswith("#")))
     if not table.geodetic:
         return _poses_of_positions(
             path, table.names, table.position, code[0] if code else "", table.cov

@@ -108,8 +108,8 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
     cov = sigma[:, :, None] * correlation * sigma[:, None, :]
     if time is not None:
         order = np.argsort(time, kind="stable")
-        if (same := np.diff(time[order]) <= 0.0).any():
-            row = int(order[1:][np.argmax(same)])
+        if (repeated := np.diff(time[order]) <= 0.0).any():
+            row = int(order[1:][np.argmax(repeated)])
             raise table.error_at(row, f"time {time[row]:.6f} s is there twice; delete one line")
         time, position, cov = time[order], position[order], cov[order]
         images = None if images is None else tuple(images[k] for k in order)
