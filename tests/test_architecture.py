@@ -147,6 +147,7 @@ LOCAL_ONLY = {
     "pyproj",
     "georinex",
     "filterpy",
+    "gtsam",
     "netCDF4",
     "xarray",
     "pymavlink",

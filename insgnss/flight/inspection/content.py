@@ -303,8 +303,8 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | Non
         "filter",
         "lever_arm",
         True,
-        "the lever arm is not known; the filter estimates it where the flight lets it. Once you"
-        " have measured it, delete both keys: on a corridor 14 mm of position become 5 mm",
+        "the lever arm is not known, so the filter estimates it; its uncertainty, which the report"
+        " states, goes into the positions of all images. Measure it and delete both keys",
     )
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
     coded = gnss is not None and gnss.quality is not None

@@ -11,11 +11,13 @@ smoother Rauch-Tung-Striebel, x_s = x + K (x_s' - Phi' x - gap'), by filterpy's 
          *function* of that name takes Fs[k] and is wrong where Phi changes with time). It knows no
          gaps; with c_k = Phi_k c_(k-1) + gap_k taken off, the errors obey (T.20) without them
 
-Both give the same mean and covariance at the last epoch.
+graph    GTSAM's elimination of the factor graph of the same problem, which knows neither of them
+
+All give the same mean, filter and smoother at the last epoch alone.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from filterpy.kalman import KalmanFilter
 
 Measurement = tuple[Array, Array, Array]
+KNOWN_SHARE = 1e-14  # of the largest variance: smaller ones are rounding, the state is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,50 @@ def smoothed(problem: LinearProblem, filtered: GaussianStates) -> GaussianStates
         (filtered.mean - c)[..., None], filtered.P, problem.Phi, problem.Q, inv=_inverse
     )
     return GaussianStates(x[..., 0] + c, P, gain)
+
+
+def eliminated(problem: LinearProblem) -> Array:
+    """Return the solution of GTSAM's factor graph of the problem: no filter, no smoother.
+
+    Parameters
+    ----------
+    problem : LinearProblem
+        Its start, steps and measurements become the factors.
+
+    Returns
+    -------
+    Array
+        (m, n) means at the epochs.
+
+    Raises
+    ------
+    ImportError
+        Where gtsam is not installed (the extra `oracles`).
+    """
+    import gtsam
+
+    scale = np.sqrt(np.diag(problem.P))  # so that metres and radians a second are of one size
+
+    def noise(cov: Array) -> tuple[Array, Any]:
+        each = np.sqrt(np.diag(cov))
+        each[each == 0.0] = 1.0  # without noise: a constraint
+        values, axes = np.linalg.eigh(cov / np.outer(each, each))
+        sigmas = np.sqrt(np.where(values > KNOWN_SHARE * values.max(), values, 0.0))
+        return axes.T / each, gtsam.noiseModel.Constrained.MixedSigmas(1.0, sigmas)
+
+    graph = gtsam.GaussianFactorGraph()
+    axes, model = noise(problem.P / np.outer(scale, scale))
+    graph.add(0, axes, axes @ (problem.mean / scale), model)
+    for k, measured in enumerate(problem.measured):
+        if k:
+            axes, model = noise(problem.Q[k] / np.outer(scale, scale))
+            step = problem.Phi[k] * scale / scale[:, None]
+            graph.add(k - 1, -axes @ step, k, axes, axes @ (problem.gap[k] / scale), model)
+        for H, z, R in measured:
+            axes, model = noise(R)
+            graph.add(k, axes @ (H * scale), axes @ z, model)
+    best = graph.optimize()
+    return np.array([scale * best.at(k) for k in range(len(problem.measured))])
 
 
 def _inverse(P: Array) -> Array:

@@ -10,12 +10,14 @@ import pytest
 from air_motions import multirotor
 from batch_least_squares import batch
 from flown import NO_GATE, Flown, error_of, fly, start_near
+from oracles import oracle
 from scipy.stats import chi2
 from shipped_sensors import OPTIONS
 
 import insgnss
 import insgnss.flight.config.imu_options  # registers the kind of option "axes"
 from insgnss.base.errors import DataError, InputError
+from insgnss.flight.reference.linear import eliminated
 from insgnss.flight.reference.twin import solve_twin
 from insgnss.flight.reference.verify import differences
 from insgnss.flight.sensors.kinds import kinds
@@ -106,37 +108,16 @@ def test_core_agrees_with_the_twin_and_with_batch_least_squares():
 
 
 @pytest.mark.slow
-def test_core_agrees_with_gtsam():
-    """Oracle: GTSAM's elimination of the factor graph of the twin's last linear problem, to 1e-3
+def test_twin_agrees_with_gtsam():
+    """Oracle: GTSAM's elimination of the factor graph of the twin's last linear problem, to 1e-6
     sigma: its own factors of start, steps and measurements, no filter.
     """
-    gtsam = pytest.importorskip("gtsam")
+    oracle("gtsam")
     flown, start = flown_with(KINDS, 4, 1.5, 0.3 * SIGMA, 0.2)
     core = solve(flown.problem, start, "on")
     twin = solve_twin(flown.problem, start, core.passes + 1)
-    linear = twin.forward.linear
-    scale = np.sqrt(np.diag(linear.P))  # so that metres and radians a second are of one size
-
-    def noise(cov: np.ndarray) -> tuple:
-        values, axes = np.linalg.eigh(cov)
-        sigmas = np.sqrt(np.where(values > 1e-14 * values.max(), values, 0.0))
-        return axes.T, gtsam.noiseModel.Constrained.MixedSigmas(1.0, sigmas)
-
-    graph = gtsam.GaussianFactorGraph()
-    axes, model = noise(linear.P / np.outer(scale, scale))
-    graph.add(0, axes, axes @ (linear.mean / scale), model)
-    for k, measured_here in enumerate(linear.measured):
-        if k:
-            axes, model = noise(linear.Q[k] / np.outer(scale, scale))
-            step = linear.Phi[k] * scale / scale[:, None]
-            graph.add(k - 1, -axes @ step, k, axes, axes @ (linear.gap[k] / scale), model)
-        for H, z, R in measured_here:
-            axes, model = noise(R)
-            graph.add(k, axes @ (H * scale), axes @ z, model)
-    best = graph.optimize()
-    for k in range(0, core.time.size, 7):
-        error = twin.smoothed.mean[k] - scale * best.at(k)
-        assert np.abs(error / np.sqrt(np.diag(twin.smoothed.P[k]))).max() < 1e-3
+    error = twin.smoothed.mean - eliminated(twin.forward.linear)
+    assert np.abs(error / np.sqrt(np.diagonal(twin.smoothed.P, axis1=1, axis2=2))).max() < 1e-6
 
 
 def test_derivative_is_the_change_of_the_innovation():
