@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from insgnss.geodesy.axes import parse_axes
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.navigation.filter.epochs import make_epochs
 from insgnss.navigation.filter.filter import gate_from_sigma
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.problem import EstimationProblem
 from insgnss.navigation.noise_model.model import load_noise_model
-from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.records import Array, Increments
 from insgnss.simulation.scenario import SimulatedFlight, simulate_flight

@@ -43,10 +43,10 @@ from air_motions import circles, multirotor
 from scipy.stats import chi2
 
 import insgnss
+from insgnss.geodesy.axes import axes_words
 from insgnss.geodesy.earth import curvature_radii
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
-from insgnss.navigation.prepare.axes import axes_words
 from insgnss.records.qualities import Quality
 from insgnss.simulation.flights import FlightMotion, fly
 from insgnss.simulation.ground import drive, walk

@@ -42,7 +42,7 @@ HOUSE: dict[str, dict[str, str]] = {
     },
     "io": {
         "formats": "",
-        "options": "",
+        "options": "formats",
         "exposures": "formats options",
     },
     "io.formats": {

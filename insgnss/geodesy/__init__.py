@@ -17,6 +17,7 @@ Where to look
         `projection.py` (`_refuse_missing_grid`), before a flight is solved by
         `insgnss/flight/processing/checks.py`; options `gnss.datum`, `gnss.epoch`
     meridian convergence and the scale of a projection: `projection.py`
+    the axes of an IMU in words (forward right down): `axes.py`
     leap seconds and weeks: `gpstime.py`
     the similarity of two frames in closed form, as calibrations of lever arms need it:
         `similarity.py`

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ...base.errors import InputError, near
+from ...base.errors import InputError
 from ...gnss.covariance_model import MODEL, CovarianceModel
 from ...gnss.ppk_options import RawGnss
-from ...io.options.kinds import Checked, OptionKind, no_mapping, register
-from ...io.options.schema import Declared, Triple, columns_of_file, option, sigmas, take_record
+from ...io.options.kinds import Checked
+from ...io.options.schema import Triple, columns_of_file, option, sigmas, take_record
 from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 
 if TYPE_CHECKING:
@@ -27,24 +27,6 @@ def _unit_keys() -> tuple[str, ...]:
     from ...io.formats.gnss.gnss_text import SPEC
 
     return (*SPEC.units, "quality")
-
-
-def _no_unit(item: Declared, quantity: str, unit: object) -> str:
-    from ...io.formats.gnss.fixes import QUALITY_CODES
-    from ...io.formats.text.headers import KIND_OF
-    from ...io.formats.text.units import SENSOR_SCALES, is_unit
-
-    if quantity == "quality":
-        if unit in QUALITY_CODES:
-            return ""
-        return f"is unknown; {near(str(unit), QUALITY_CODES)}"
-    kind = KIND_OF.get(quantity, quantity)
-    if isinstance(unit, str) and is_unit(unit, kind):
-        return ""
-    return f"is no unit for it: {near(str(unit), tuple(SENSOR_SCALES[kind]))}"
-
-
-register("gnss_units", OptionKind(no_mapping, member=_no_unit))
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base.errors import InputError, OptionError, near
-from ...io.options.kinds import Checked, OptionKind, no_text, other_class, register
+from ...base.errors import OptionError, near
+from ...io.options.kinds import Checked, OptionKind, other_class, register
 from ...io.options.schema import Declared, Triple, Words, columns_of_file, option, take_record
 
 if TYPE_CHECKING:
@@ -25,18 +25,6 @@ def _imu_unit_keys() -> tuple[str, ...]:
     from ...io.formats.imu.imu_csv import SPEC
 
     return tuple(SPEC.units)
-
-
-def _no_axes(item: Declared, value: Any) -> str:
-    from ...navigation.prepare.axes import parse_axes
-
-    if problem := no_text(item, value):
-        return problem
-    try:
-        parse_axes(value)
-    except InputError as refusal:
-        return refusal.problem
-    return ""
 
 
 def neither_model_nor_file(noise: str, remark: str = "") -> str:
@@ -86,7 +74,6 @@ def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
         raise OptionError(f"imu.units.{sensor}", f"{unit!r} is no unit for it: {advice}")
 
 
-register("axes", OptionKind(_no_axes))
 register("noise", OptionKind(_no_noise, _name_or_path))
 
 
@@ -184,6 +171,6 @@ class ImuInput(Checked, table="imu"):
     @property
     def C_b_imu(self) -> "Array":
         """(3, 3), IMU axes to body forward-right-down."""
-        from ...navigation.prepare.axes import parse_axes
+        from ...geodesy.axes import parse_axes
 
         return parse_axes(self.axes)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...navigation.prepare.axes import DIRECTIONS
+from ...geodesy.axes import DIRECTIONS
 from ...navigation.prepare.gaps import nominal_interval
 from ...navigation.recognise.recognition import EXCHANGED_ADVICE, Recognition
 from ...records import Finding, ImuSamples, Question

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+from ...geodesy.axes import parse_axes
 from ...io.formats.imu.exchanged_columns import exchanged_columns
-from ...navigation.prepare.axes import parse_axes
 from ...navigation.recognise.handedness import exchanged, of_axes
 from ...navigation.recognise.recognition import Recognition
 from ...records import ImuSamples, Question

@@ -19,9 +19,9 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.wording import some
+from ...geodesy.axes import axes_words, parse_axes
 from ...io.formats import read_events, read_gnss, read_imu
 from ...io.formats.text.order import note
-from ...navigation.prepare.axes import axes_words, parse_axes
 from ...navigation.prepare.clock import NO_WEEK, common_week
 from ...navigation.prepare.fix_covariance.quality import with_floors
 from ...navigation.prepare.gaps import nominal_interval

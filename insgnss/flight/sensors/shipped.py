@@ -21,6 +21,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.units import DEG
+from ...geodesy.axes import parse_axes
 from ...geodesy.rotation import rotation_from_vector, rpy_from_rotation
 from ...io.formats.detect import head_of, is_nmea
 from ...io.formats.gnss.nmea import read_headings
@@ -30,7 +31,6 @@ from ...io.formats.gnss.rtklib_pos import is_rtklib_pos, read_pos_rows
 from ...io.formats.gnss.septentrio import ANGLE_COLUMNS, is_sbf_text, read_sbf_attitudes
 from ...io.formats.names import TIME, sigma_names, spelled
 from ...io.formats.text.order import Picked, note, refuse_rows
-from ...navigation.prepare.axes import parse_axes
 from ...records import Array
 from ...records.measurements import N_ERRORS, Motion, OwnState
 from ...records.qualities import Quality

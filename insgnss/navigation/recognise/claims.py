@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
+from ...geodesy.axes import axes_words
 from ...geodesy.gpstime import WEEK_S, weeks_apart
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question
-from ..prepare.axes import axes_words
 from ..prepare.gaps import find_gaps, nominal_interval
 from .axes import imu_word
 from .handedness import LEFT_HANDED, SURE_OF_EXCHANGE, of_axes, what_is_wrong

@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...geodesy.axes import parse_axes
 from ...records import Array, GnssFixes, ImuSamples
-from ..prepare.axes import parse_axes
 from .axes import imu_word
 from .recognition import Exchange, Recognition
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...base.units import STANDARD_GRAVITY
+from ...geodesy.axes import axes_words
 from ...geodesy.earth import curvature_radii
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question
 from ...records.interpolation import columns_at
 from ...records.verdicts import CHECKS
-from ..prepare.axes import axes_words
 from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LEAST_GAP_INTERVALS, find_gaps, in_bunches, nominal_interval
 from ..prepare.stuck_channels import CHANNEL_NAMES, STUCK_S, constant_runs, dead_band

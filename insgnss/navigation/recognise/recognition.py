@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.findings.remedies import Step
+from ...geodesy.axes import axes_words
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, GnssFixes, ImuSamples, Quantity
-from ..prepare.axes import axes_words
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
 from .axes import Direction, ForwardAxis, Pose, down, forward, poses, scores

@@ -2,6 +2,8 @@
 
 import argparse
 import importlib
+import subprocess
+import sys
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 
@@ -224,3 +226,10 @@ def test_whole_numbers_of_a_file_are_kept_as_the_option_is_declared(load):
     numbers = (raw.elevation_mask_deg, *raw.acceleration_mps2, raw.atmosphere["humidity"])
     assert [type(number) for number in numbers] == [float] * 4
     assert type(raw.frequencies) is int
+
+
+def test_options_of_a_sensor_are_checked_by_themselves() -> None:
+    """Oracle: a new process, in which nothing else has registered the kinds of options."""
+    call = 'MeasurementInput(kind="heading", file="heading.csv")'
+    code = f"from insgnss.flight.sensors.options import MeasurementInput; {call}"
+    subprocess.run([sys.executable, "-c", code], check=True)

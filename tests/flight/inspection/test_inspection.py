@@ -21,8 +21,8 @@ from insgnss.flight.inspection.run import inspect_files
 from insgnss.flight.inspection.sensing import fitting_model, noise_model, sense
 from insgnss.flight.inspection.tables.roles import UnknownTable, gnss_roles, imu_roles
 from insgnss.flight.processing.recording import read_recording
+from insgnss.geodesy.axes import parse_axes
 from insgnss.geodesy.earth import EARTH_RATE
-from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.records import ImuSamples
 from insgnss.report.charts.files import charts_of
 from insgnss.simulation.dataset import write_dataset

@@ -8,8 +8,8 @@ import pytest
 from surveys import block_flight
 
 from insgnss.base.errors import InputError
+from insgnss.geodesy.axes import parse_axes
 from insgnss.geodesy.rotation import rotation_from_rpy
-from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.prepare.several_imus.combine import combine
 from insgnss.records import ImuSamples
 from insgnss.simulation.sensors import ImuOptions, simulate_imu

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from insgnss.geodesy.axes import parse_axes
 from insgnss.geodesy.gpstime import WEEK_S
-from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.prepare.imu import Device, prepared
 from insgnss.records import GnssFixes, ImuSamples
 

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from surveys import block_flight
 
 from insgnss.base.errors import DataError
+from insgnss.geodesy.axes import parse_axes
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
-from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.prepare.gaps import find_gaps, nominal_interval
 from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.records import ImuSamples, Increments

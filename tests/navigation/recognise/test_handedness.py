@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from insgnss.cli import main
+from insgnss.geodesy.axes import parse_axes
 from insgnss.io.formats.imu.exchanged_columns import exchanged_columns
-from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.recognise.claims import compare
 from insgnss.navigation.recognise.handedness import AXIS_PAIRS, exchanged, with_exchanges
 from insgnss.navigation.recognise.recognition import recognise

@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 import pytest
 
+from insgnss.geodesy.axes import axes_words, parse_axes
 from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
-from insgnss.navigation.prepare.axes import axes_words, parse_axes
 from insgnss.navigation.recognise.claims import compare
 from insgnss.navigation.recognise.findings import MOST_CONFIDENCE
 from insgnss.navigation.recognise.recognition import recognise

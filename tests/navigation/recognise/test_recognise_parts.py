@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from insgnss.geodesy.axes import axes_words, parse_axes
 from insgnss.geodesy.rotation import right_angle_rotations, rotation_from_vector
-from insgnss.navigation.prepare.axes import axes_words, parse_axes
 from insgnss.navigation.prepare.fix_path import jumps, liveliest, sound_fixes
 from insgnss.navigation.recognise._kernels import interpolate
 from insgnss.navigation.recognise.axes import Pose, down, forward, scores

@@ -11,8 +11,8 @@ sensor of that kind has a sign error in its data sheet).
 
 import numpy as np
 
-from ...base.errors import InputError, near
-from ...records import Array
+from ..base.errors import InputError, near
+from .rotation import Array
 
 DIRECTIONS: dict[str, tuple[int, int]] = {
     "forward": (0, 1),
@@ -81,7 +81,18 @@ def parse_axes(text: str) -> Array:
 
 
 def axes_words(C_b_imu: Array) -> str:
-    """Return the words that `parse_axes` takes into a signed permutation (3, 3)."""
+    """Return the words of the axes of an IMU, which `parse_axes` reads.
+
+    Parameters
+    ----------
+    C_b_imu : ndarray, shape (3, 3)
+        A signed permutation.
+
+    Returns
+    -------
+    str
+        The body directions of x, y and z, such as ``"right backward down"``.
+    """
     return " ".join(map(_word, C_b_imu.T))
 
 

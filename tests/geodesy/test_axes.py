@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import InputError
-from insgnss.navigation.prepare.axes import parse_axes
+from insgnss.geodesy.axes import parse_axes
 
 VECTORS = {
     "forward": (1, 0, 0),
