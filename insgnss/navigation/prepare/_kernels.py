@@ -155,6 +155,36 @@ def build_segments(
 
 
 @njit(cache=True, allocates=False)
+def average_rates(dt, dtheta, stop, half_s, longest_s, rate, angle):
+    """Replace rate (m, 3) at marks by averages of the intervals around them (I.4).
+
+    dt (n,), dtheta (n, 3) and stop (m,) are as `build_segments` leaves them; angle (2, 3) is
+    scratch. A mark keeps its rate where the window of 4 half_s is not whole, or holds an interval
+    of more than longest_s.
+    """
+    n = dt.size
+    for m in range(stop.size):
+        angle[:] = 0.0  # from -half_s to half_s, and from -2 half_s to 2 half_s
+        complete = True
+        for side in range(2):
+            k = stop[m] if side == 1 else stop[m] - 1
+            covered = 0.0
+            while complete and covered < 2.0 * half_s:
+                if k < 0 or k >= n or dt[k] > longest_s:
+                    complete = False
+                    break
+                for window in range(2):
+                    share = min(max((1 + window) * half_s - covered, 0.0) / dt[k], 1.0)
+                    for c in range(3):
+                        angle[window, c] += share * dtheta[k, c]
+                covered += dt[k]
+                k += 1 if side == 1 else -1
+        if complete:
+            for c in range(3):
+                rate[m, c] = (8.0 * angle[0, c] - angle[1, c]) / (12.0 * half_s)
+
+
+@njit(cache=True, allocates=False)
 def add_up(x, edges, reference, out):
     """Add up samples x (n, 3) about `reference` (3,), and their squares, between edges (k + 1,).
 

@@ -298,3 +298,26 @@ def test_a_mark_beside_a_sample_is_that_sample(motion):
     )
     assert_array_equal(inc.marks, [imu.time[5], imu.time[9], imu.time[12] - 1e-6])
     assert_array_equal(inc.stop, [0, 4, 7])
+
+
+@pytest.mark.parametrize("imu_hz", [100.0, 500.0, 1000.0])
+def test_a_rate_at_a_mark_has_the_noise_of_its_window(imu_hz: float) -> None:
+    """(I.4). Oracle: white noise of one sample, and a turn to and fro of 2 Hz."""
+    rng, sigma = np.random.default_rng(8), 0.01
+    n = int(60.0 * imu_hz)
+    time = 100.0 + np.arange(n) / imu_hz
+    swing = 0.3 * np.sin(4.0 * np.pi * (time - 0.5 / imu_hz))[:, None] * [1.0, 0.5, 0.0]
+    noise = sigma * rng.standard_normal((n, 3))
+    marks = np.arange(time[0] + 0.5, time[-1] - 0.5, 0.1)
+    marks[0], marks[-1] = time[0], time[-1]  # their windows are not whole
+    force = np.tile([0.0, 0.0, -9.8], (n, 1))
+    clean, noisy = (
+        body_increments(ImuSamples(time, gyro, force, "mean_rate"), BODY, marks).rate
+        for gyro in (swing, swing + noise)
+    )
+    true = 0.3 * np.sin(4.0 * np.pi * marks)[:, None] * [1.0, 0.5, 0.0]
+    # (I.4) of the sine: w^4 / 30 (4 pi)^4; the mean over a sample is below it by (2 pi f dt)^2 / 24
+    assert_allclose(clean[1:-1], true[1:-1], atol=0.3 * (2e-4 + (4.0 * np.pi / imu_hz) ** 2 / 8.0))
+    per_window = 0.04 * imu_hz
+    expected = sigma * np.sqrt(25.0 / 18.0 / per_window)
+    assert_allclose(np.std((noisy - clean)[1:-1]), expected, rtol=0.05)
