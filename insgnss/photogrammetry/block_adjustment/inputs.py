@@ -390,3 +390,24 @@ def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:
     return [
         f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {named}"
     ]
+
+
+def with_usual_free(block: ImageBlock) -> ImageBlock:
+    """Return the block with the usual parameters of its cameras estimated.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+
+    Returns
+    -------
+    ImageBlock
+        Principal point, camera constant and k1, k2, p1, p2 are free beside those that were.
+    """
+    free = {n for n in INTERIOR if n in USUAL_FREE or n in ("k1", "k2", "p1", "p2")}
+    cameras = tuple(
+        replace(c, free=tuple(n for n in INTERIOR if n in c.free or n in free))
+        for c in block.cameras
+    )
+    return replace(block, cameras=cameras)

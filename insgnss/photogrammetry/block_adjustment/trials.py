@@ -18,7 +18,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...base.findings import Finding, ranked
 from ...flight.config.block_file import BlockFile
-from ...records.block import INTERIOR, Array, ImageBlock
+from ...records.block import Array
 from ...report.rules.wording import screen_unit
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY, AerialControl
@@ -31,10 +31,10 @@ from ..adjust.shutter import readout_gain
 from ..adjust.unknowns import CAMERA, POSE, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, motion_of_images
-from .inputs import USUAL_FREE, BlockInputs
+from .inputs import USUAL_FREE, BlockInputs, with_usual_free
 from .mode import CAMERA_HELD
 from .parameters import MOUNTING_PARAMETERS, PARAMETERS, VEHICLE_PARAMETERS, BlockParameter
-from .solve import AdjustedBlock, ground_groups, groups_of
+from .solve import AdjustedBlock, ground_groups, groups_of, with_arm_held
 from .solve import solved as adjusted_block
 from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
@@ -199,10 +199,9 @@ def trials(
             continue
         progress(f"trying: {remedy.name}")
         try:
-            trial = _trial_of(solved, remedy, excess)
+            done.append(_trial_of(solved, remedy, excess))
         except DataError:
             continue  # it is not determined, so that it explains nothing
-        done.append(trial)
     if (readout := _readout(solved, excess, progress)) is not None:
         done.append(readout)
     chosen = {}
@@ -362,7 +361,7 @@ def converging(inputs: BlockInputs, progress: Callable[[str], None]) -> Trial | 
         if key == CONTROL_SHIFT:
             continue
         progress(f"trying: {remedy.name}")
-        block = _with_usual(inputs.block) if key[0] == CAMERA else inputs.block
+        block = with_usual_free(inputs.block) if key[0] == CAMERA else inputs.block
         wider = replace(inputs, file=remedy.file, block=block)
         try:
             again = adjusted_block(wider, lambda _: None)
@@ -430,16 +429,6 @@ def _remedies(inputs: BlockInputs) -> Iterator[_LeftOut]:
         yield _LeftOut("interior orientation", "px", (CAMERA, 0), file, advice)
 
 
-def _with_usual(block: ImageBlock) -> ImageBlock:
-    """Return the block with the usual parameters of its cameras estimated."""
-    free = {n for n in INTERIOR if n in USUAL_FREE or n in ("k1", "k2", "p1", "p2")}
-    cameras = tuple(
-        replace(c, free=tuple(n for n in INTERIOR if n in c.free or n in free))
-        for c in block.cameras
-    )
-    return replace(block, cameras=cameras)
-
-
 def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Array:
     """Return how an unknown differs from its first value, that of a camera from another one."""
     if key[0] == CAMERA:
@@ -449,13 +438,18 @@ def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Arr
     return value if key == CONTROL_SHIFT else PARAMETERS[key[0]].change(value, file)
 
 
-def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
+def _trial_of(judged: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
+    """Estimate what a remedy frees from the solution on, and judge what the rest gains by it."""
+    # along the rays of nadir images an arm that nobody states takes the error of a camera constant
+    solved = with_arm_held(judged) if remedy.key[0] == CAMERA else judged
+    file = remedy.file if solved is judged else solved.inputs.file
     key, inputs, result = remedy.key, solved.inputs, solved.result
+    excess += result.cost - judged.result.cost
     vehicle, began, block = inputs.vehicle, 0.0, result.problem.block
     alone = _without_rays(result.problem)
     if vehicle is not None and key == (VEHICLE_CLOCK, 0) and alone:  # too far off to be linear
         began, vehicle = moved_in_time(vehicle, block, result.values)
-    wider = replace(inputs, file=remedy.file, vehicle=vehicle, block=block)
+    wider = replace(inputs, file=file, vehicle=vehicle, block=block)
     points = ground_groups(result.problem)
     same = wider.file.aerial_control is inputs.file.aerial_control
     groups, first = groups_of(wider, solved.control if same else control_of(wider), points)
@@ -464,7 +458,7 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
         groups = [*(g for g in groups if g not in points), *map(ShiftedPoint, points)]
         blocks[CONTROL_SHIFT] = np.zeros(3)
     if key[0] == CAMERA:
-        block = _with_usual(block)
+        block = with_usual_free(block)
     problem = problem_of(block, groups, blocks)
     # image observations have their final variances already
     factors = dict(solved.factors)
@@ -491,7 +485,7 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
         remedy.unit,
         explains(gain, value.size, excess),
         remedy.advice(inputs, value, sigma),
-        moved_sigmas(solved, again.values.position - result.values.position),
+        moved_sigmas(judged, again.values.position - judged.result.values.position),
     )
 
 

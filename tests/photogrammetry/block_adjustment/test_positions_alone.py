@@ -481,3 +481,21 @@ def test_a_long_lever_arm_that_nobody_states_leaves_no_orientation(flown, withou
     done = adjust(block_of(flown, without_imu(3, (0.0, 0.0, -0.4))), write=False)
     refused = {one.name: one.found for one in done.judgement.refused}
     assert "shift of ground control" in refused.get("lever arm", ""), done.judgement.headline
+
+
+@pytest.mark.slow
+def test_a_held_camera_constant_is_named_though_the_lever_arm_takes_it(
+    flown, without_imu, tmp_path
+):
+    """Oracle: the camera constant of the simulation, of which 0.1 % is taken off."""
+    text = (flown.directory / BLOCK / "camera.toml").read_text()
+    f_px = float(re.search(r"(?m)^f = ([\d.]+)", text)[1])
+    camera_file = tmp_path / "camera.toml"
+    camera_file.write_text(re.sub("(?m)^f = .*", f"f = {0.999 * f_px}", text))
+    block = block_of(flown, without_imu(4))
+    block = replace(block, camera=replace(block.camera, file=camera_file, free=()))
+    done = adjust(block, write=False)
+    first = done.judgement.trials_made[0]
+    assert (first.name, first.explains) == ("interior orientation", True)
+    assert abs(first.value[0] - 0.001 * f_px) < 4.5 * first.sigma[0]
+    assert any("interior orientation" in one.found for one in done.judgement.refused)
