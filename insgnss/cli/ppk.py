@@ -159,7 +159,9 @@ def _solved(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
     _refuse_absent(arguments)
     files_to = made_of(Files, arguments)
     if files_to.out.exists() and not files_to.out.is_dir():
-        raise UsageError(f"ppk: --out {files_to.out} is a file; give a directory, which is made")
+        raise UsageError(
+            f"ppk: --out {files_to.out} is a file; give a directory (created if missing)"
+        )
     from ..gnss.antenna_files import SOLUTION_FILE, positions_of_others, write_antenna_files
     from ..gnss.exposures.camera_positions import camera_positions
     from ..gnss.ppk import solve_ppk

@@ -98,8 +98,9 @@ def without_ionosphere(
             f" {LEAST_FLIGHT_S / 60.0:.0f} minutes, determine the correction"
         )
         advice = (
-            "errors of 1 to 2 mm/km may remain; the correction needs two frequencies of both"
-            f" receivers at fixed positions up to {FAR_M / 1e3:.0f} km from the base"
+            "errors of 1 to 2 mm per km of baseline may remain; the correction needs two"
+            " frequencies of rover and base, and positions with fixed ambiguities within"
+            f" {FAR_M / 1e3:.0f} km of the base"
         )
         return fixes, ask.note(reason, advice)
     zenith_m, *gradients = correction.ionosphere.value.mean(axis=0)

@@ -48,8 +48,7 @@ class CovarianceModel(CalibrationNumbers):
     ppm: Triple = option(MEASURED.ppm, "parts per million of the distance to the base", **_TRIPLE)
     acceleration_mps2: Triple = option(
         MEASURED.acceleration_mps2,
-        "largest acceleration; a single epoch that the path could reach only with more is an"
-        " outlier",
+        "largest acceleration of the antenna; a single epoch that would need more is an outlier",
         unit="m/s^2",
         **_TRIPLE,
     )

@@ -133,7 +133,7 @@ class EngineOptions(EngineSettings):
             raise OptionError("gnss.base_position", message)
         radius = sum(x * x for x in self.base_position_m) ** 0.5
         if not EARTH_RADII_M[0] < radius < EARTH_RADII_M[1]:
-            message = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
+            message = f"is {radius:.0f} m from the Earth's centre, not 6.3e6 to 6.4e6 m"
             raise OptionError("gnss.base_position", f"{message}; ECEF coordinates in m are needed")
 
 

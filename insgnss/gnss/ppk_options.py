@@ -222,7 +222,7 @@ def rtklib_problem(name: str, value: object) -> str:
         )
         return f"{name[:60]} cannot be set there: {why}"
     if re.search(r"[\r\n#]", str(value)):
-        return f"the value of {name} holds a # or the end of a line"
+        return f"the value of {name} contains # or a line break; remove it"
     return ""
 
 

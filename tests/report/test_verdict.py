@@ -107,7 +107,7 @@ def test_headline_says_what_slower_errors_of_the_same_rate_leave(time_s, stated,
     text = _if_usual(figures, claim)
     assert bool(text) is said
     if said:
-        assert "that is for slow errors of 75 s: if they last for 300 s" in text
+        assert "this holds for GNSS errors with a correlation time of 75 s; with 300 s" in text
         assert "40.0 / 53.0 / 60.0 mm" in text
 
 

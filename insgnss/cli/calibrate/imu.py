@@ -105,7 +105,7 @@ def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
         return spec
     if any(spec.values()):
         raise UsageError(
-            "calibrate imu: --flight says columns, units and quantity; leave the other options out"
+            "calibrate imu: --flight gives columns, units and quantity; remove these options"
         )
     from ...flight.config.load import load_flight
 

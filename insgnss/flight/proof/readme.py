@@ -133,7 +133,7 @@ def _text_of_format(names: dict[str, str], name: str) -> str:
 def _files(name: str, file: str) -> str:
     lines = (
         f"{file}: the exterior orientation in the format {name}",
-        "images/: the pictures; the middle of a cross is the point",
+        "images/: drawn images; the centre of each cross is a point of points.csv",
         (
             "points.csv: the points in the frame of the export; points_geographic.csv: the same in"
             " WGS84"

@@ -100,8 +100,8 @@ def _check_base_times(
     rare += f": the base has epochs every {pace:g} s"
     if not has_base_at_pace.any():
         message = (
-            f"{_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common time; is"
-            " this the base file of another day?"
+            f"has epochs {_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common"
+            " time; is this the base file of another day?"
         )
         raise InputError.in_file(base.header.path, message)
     if not has_base.any():

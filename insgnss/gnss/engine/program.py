@@ -121,8 +121,8 @@ def check_version(engine: str) -> tuple[Finding, ...]:
     if match and tuple(int(number) for number in match.groups()) >= HOLDS:
         return ()
     advice = (
-        "pip install 'insgnss[ppk]'; 2.4.3 b34 of Debian fixed 0.6 % of a drive with the options by"
-        f" which EX 2.5.0 fixed 98 %; {DOCTOR}"
+        "update it: pip install 'insgnss[ppk]'; of a drive with these options RTKLIB 2.4.3 b34 of"
+        f" Debian fixed 0.6 %, EX 2.5.0 98 %; {DOCTOR}"
     )
     expected = "RTKLIB EX 2.5.0 or later, for which the options hold"
     return (Question("engine", expected).note(engine, advice),)

@@ -134,8 +134,8 @@ class CameraMounting:
     )
     imu_m: Triple | None = option(
         None,
-        "in place of `from_camera_m`: position of the IMU, from this camera, in its axes, as"
-        " mounting.imu_m",
+        "position of the IMU from this camera, in this camera's axes, as in mounting.imu_m;"
+        " instead of `from_camera_m`",
         kind="lever",
         unit="m",
     )

@@ -431,7 +431,7 @@ def check_biases_in_innovations(
     gain = np.inf if solution is None else misfit(solution) - misfit(candidate)
     if gain <= GAIN:
         return None
-    reason = f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
+    reason = f"estimating them lowers the misfit -2 log L by {gain:.0f}, limit {GAIN:g}"
     if solution is None:
         reason = "no solution without them"
     check = check_turn_on(noise)

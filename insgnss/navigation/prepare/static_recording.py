@@ -321,8 +321,8 @@ def _units(gyro: Array, accel: Array, whole: bool) -> Finding:
     if rate > MAX_BIAS:
         return ask.contradiction(
             finding,
-            "the sensor turns, or its unit is another: give --gyro-unit, deg/s or the value"
-            " of one count",
+            "the sensor turns, or its unit is wrong: record at rest, or give --gyro-unit (deg/s, or"
+            " the size of one count)",
         )
     return ask.ok(finding)
 

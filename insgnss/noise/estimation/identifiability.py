@@ -129,9 +129,9 @@ def _superfluous_verdict(fitted: NoiseFit, smaller: NoiseFit, process: NoiseTerm
     with_times = f" with {times} s" if times else ""
     about = _time_words(fitted, fitted.axis.gauss_markov[process.number - 1].correlation_time_s)
     conclusion = (
-        f"is not identifiable: {smaller.composition}{with_times} fits as well, so its {about} and"
-        f" its driving noise mean nothing by themselves; take {smaller.composition}, record longer"
-        " or add replicates"
+        f"is not identifiable: {smaller.composition}{with_times} fits as well without it; do not"
+        f" use its {about} or its driving noise; take {smaller.composition}, or make longer or more"
+        " recordings"
     )
     return _verdict_on(process, "superfluous", conclusion)
 
@@ -197,7 +197,7 @@ def _gauss_markov_verdict(
         longer = 3.0 * max(time.value, limit)
         advice = "record several times longer"
         if math.isfinite(time.high_99):
-            advice = f"add replicates, record longer than {longer:.3g} s"
+            advice = f"make more recordings, longer than {longer:.3g} s,"
         conclusion = (
             f"is not identifiable: its correlation time is {time.value:.3g} s, from"
             f" {time.low:.3g} s to {top}, and a third of the recording is {limit:.3g} s; its"

@@ -68,7 +68,9 @@ class TuneOptions(Checked):
         None, "rad/s, deg/s, mdeg/s, deg/h or the size of one count, '0.05 deg/s'"
     )
     accel_unit: str | None = _unit(None, "m/s^2, g, mg or the size of one count, '3.33 mg'")
-    time_unit: str | None = _unit(None, "s, ms, us, ns, unix, unix_ms, ... of the column of time")
+    time_unit: str | None = _unit(
+        None, "unit of the time column: s, ms, us, ns; unix, unix_ms, ... count from 1970"
+    )
     quantity: Literal["mean_rate", "increments", "instant_rate"] | None = _reading(
         None, "what a sample is", usual="mean_rate"
     )

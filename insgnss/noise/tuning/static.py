@@ -93,7 +93,7 @@ def _same(recordings: Sequence[StaticRecording]) -> None:
         name_by_digest[r.source.sha256] = r.name
         if set(r.curves) != set(recordings[0].curves):
             raise DataError(
-                f"{r.name}: has other axes than {recordings[0].name}; tune them one by one"
+                f"{r.name}: has other channels than {recordings[0].name}; tune each by itself"
             )
 
 

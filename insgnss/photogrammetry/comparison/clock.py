@@ -87,7 +87,7 @@ def leap_words(late_s: float) -> str:
     """What it means that stamps of b are late by so many seconds."""
     scale = time_scale(late_s, LEAP_S)
     if "leap seconds between" in scale:
-        scale += f": {'UTC where a has GPST' if late_s < 0 else 'GPST where a has UTC'}"
+        scale += f": {'b is in UTC, a in GPST' if late_s < 0 else 'b is in GPST, a in UTC'}"
     return f" ({scale})" if scale else ""
 
 

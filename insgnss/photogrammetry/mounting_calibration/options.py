@@ -279,6 +279,6 @@ class Assumptions(FrameOptions, DataOptions):
         super().__post_init__()
         if self.frame == "similarity" and self.shift_sigma_m is not None:
             problem = (
-                "is for poses in the coordinates of ground control; leave {} out, or this option"
+                "is only for poses in the coordinates of ground control; remove it, or remove {}"
             )
             raise OptionError("shift_sigma_m", problem.format(setting("frame", self.frame)))

@@ -298,7 +298,7 @@ def solve(
     if rows.size < 4:
         raise DataError(
             f"{block.source}: only {rows.size} of its images are in the flight; the mounting"
-            " needs at least four, and more for a check"
+            " needs at least four, and more for a check; compare the names of the images"
         )
     model = Model(block, flight, rows, assumptions)
     factors = dict.fromkeys(model.Q, 1.0)

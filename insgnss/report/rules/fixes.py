@@ -55,7 +55,7 @@ def residuals(figures: Figures) -> Iterator[Finding]:
         f" the images; {worst['sigmas']:.1f} times what the sigmas allow (limit {r['limit']:.1f};"
         f" beyond it {beyond} of {pieces} pieces)"
     )
-    help_ = "find the cause before positions or sigmas there are used"
+    help_ = "do not use positions or sigmas of this time before the cause is found"
     yield ranked("residuals", RANK_UNSUPPORTED + worst["sigmas"], text, help_)
 
 
@@ -287,8 +287,8 @@ def separation_below(figures: Figures) -> Iterator[Finding]:
     if below:
         listed = ", ".join(text for _, text in sorted(below, reverse=True))
         text = (
-            f"forward and backward agree far better than their sigmas say, in sigmas (rms) {listed}"
-            " (1 is honest): the images are better than their sigmas"
+            "forward and backward agree far better than their sigmas say (rms of the difference"
+            f" over sigma: {listed}; expected 1): the sigmas of the images are too large"
         )
         help_ = (
             "look for sigmas of the fixes or a noise model of the IMU that are larger than they"

@@ -136,8 +136,8 @@ def _if_slower(figures: Figures, claim: Figures) -> str:
     if max(slower) < USUAL_MATTERS * max(of_images):
         return ""
     return (
-        f"; that is for slow errors of {error['time_s']:.0f} s: if they last for"
-        f" {SLOWEST_S:.0f} s, which no flight shows, {lengths(slower)}"
+        f"; this holds for GNSS errors with a correlation time of {error['time_s']:.0f} s; with"
+        f" {SLOWEST_S:.0f} s, which no flight can rule out, the sigmas are {lengths(slower)}"
     )
 
 

@@ -71,7 +71,10 @@ def test_biases_that_the_model_lacks_are_accepted_by_name(tmp_path):
     checks = process(flight, tmp_path / "out").diagnostics.checks
     (overruled,) = (check for check in checks if check.verdict == "contradiction")
     assert overruled.name == "turn-on bias"
-    assert "the innovations show them (-2 log L falls by" in overruled.found
+    assert (
+        "the innovations show them (estimating them lowers the misfit -2 log L by"
+        in overruled.found
+    )
 
 
 @pytest.mark.slow

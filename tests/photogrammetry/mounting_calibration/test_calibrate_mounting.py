@@ -197,7 +197,7 @@ def test_orientations_of_micmac_come_back(tmp_path) -> None:
     ("words", "said"),
     [
         (["none.csv"], "does not exist"),
-        (["poses.csv", "--frame", "similarity", "--shift-sigma", "1"], "leave --frame similarity"),
+        (["poses.csv", "--frame", "similarity", "--shift-sigma", "1"], "remove --frame similarity"),
         (
             ["poses.csv", "--lever-arm-sigma", "-1"],
             "--lever-arm-sigma -1.0: must be 0.0001 to 10 m",

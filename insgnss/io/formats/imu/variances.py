@@ -276,7 +276,7 @@ def _curve(
             raise refuse(k, f"variance {nu[k]:g} at scale {s:g} s; it must be greater than zero")
         elif low is not None and high is not None and not 0.0 < low[k] < nu[k] < high[k]:
             interval = f"the confidence interval at scale {s:g} s does not contain the variance"
-            raise refuse(k, f"{interval}, or does not start above zero; leave the intervals out")
+            raise refuse(k, f"{interval}, or its lower limit is not above zero; correct its limits")
         if problem:
             raise refuse(k, f"scale {s:g} s {problem}")
     if not (np.abs(count) < MOST_COEFFICIENTS).all():

@@ -62,8 +62,8 @@ CONVENTIONS = {
         "error = truth - estimate, C_mc(true) = exp([psi x]) C_mc(estimate)"
     ),
     "cross_cov6_next": (
-        "covariance of this image's error (rows) with that of the next image (columns), same order;"
-        " null for the last"
+        "covariance of this image's error (rows) with that of the next image (columns), in the"
+        " order of cov6; null for the last image"
     ),
     "velocity_mps": (
         "velocity of the projection centre, m/s, tangent-plane axes; missing where not known"

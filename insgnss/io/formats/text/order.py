@@ -174,7 +174,8 @@ def put_in_order(
                 f"the clock goes back by {back:.6f} s here, to {time[row]:.6f} s, and"
                 f" {len(clashes)} of {time.size} rows have the stamp of an earlier one"
             )
-            remedy = "split the file here, or add the step to all times from here on"
+            later = f"add {back:.6f} s and one interval to all times from here on"
+            remedy = f"split the file here, or {later}"
         raise lines.error_at(
             row, f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; {remedy}"
         )

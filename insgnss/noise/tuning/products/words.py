@@ -91,8 +91,8 @@ def superfluous(t: "Tuned") -> Iterator[str]:
         )
         which = f"Gauss-Markov {', '.join(numbers)} {'is' if len(numbers) == 1 else 'are'}"
         yield (
-            f"{which} not identifiable: {smaller} fits as well; take it, record longer or add"
-            " replicates"
+            f"{which} not identifiable: {smaller} fits as well; take it, or make longer or"
+            " more recordings"
         )
 
 
