@@ -197,8 +197,8 @@ def test_utc_is_told_from_gpst(flight: Written) -> None:
     assert b.time is not None
     c = compare_poses(a, replace(b, time=b.time - 18.0))
     assert (
-        "stamps of b are 18.0000 s early (the 18 leap seconds between GPS time and UTC: b is in UTC,"
-        " a in GPST)" in c.summary()
+        "stamps of b are 18.0000 s early (the 18 leap seconds between GPS time and UTC: b is in"
+        " UTC, a in GPST)" in c.summary()
     )
 
 
