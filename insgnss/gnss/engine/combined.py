@@ -172,11 +172,11 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
 
 def _merged_line(f: _Run, row: int, fields: Array) -> bytes:
     """Return the line `row` of the forward run with the merged numbers `fields` (columns,)."""
-    words = f.lines[row].split()
+    text_fields = f.lines[row].split()
     for name, digits in POS_DECIMALS.items():
         column = f.rows.header.columns.index(name)
-        words[column] = b"%.*f" % (digits, fields[column])
-    return b" ".join(words) + b"\n"
+        text_fields[column] = b"%.*f" % (digits, fields[column])
+    return b" ".join(text_fields) + b"\n"
 
 
 def _signed_roots(cov: Array) -> Array:

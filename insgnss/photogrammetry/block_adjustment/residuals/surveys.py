@@ -140,8 +140,15 @@ def best_split(d: Array, C: Array) -> tuple[Array, Array, Array, float] | None:
         return None
     W = np.linalg.inv(C)
     every, e = np.tile(np.eye(3), (n, 1)), d.ravel()
-    common = np.linalg.solve(every.T @ W @ every, every.T @ W @ e)
-    q = float((e - every @ common) @ W @ (e - every @ common))
+
+    def fitted(H: Array) -> tuple[Array, Array, float]:
+        """Return shifts, their cofactors, and the weighted squares that they leave."""
+        cofactors = np.asarray(np.linalg.inv(H.T @ W @ H), dtype=np.float64)
+        shifts = cofactors @ (H.T @ W @ e)
+        residual = e - H @ shifts
+        return shifts, cofactors, float(residual @ W @ residual)
+
+    q = fitted(every)[2]
     if q <= chi2.isf(FITS_CHANCE, 3 * n - 3):
         return None
     best: tuple[float, Array, Array, Array] | None = None
@@ -151,11 +158,9 @@ def best_split(d: Array, C: Array) -> tuple[Array, Array, Array, float] | None:
             subset = np.zeros(n, dtype=bool)
             subset[order[:k] if 2 * k <= n else order[k:]] = True
             H = np.hstack([every, every * np.repeat(subset, 3)[:, None]])
-            N = H.T @ W @ H
-            x = np.linalg.solve(N, H.T @ W @ e)
-            remaining = float((e - H @ x) @ W @ (e - H @ x))
+            shifts, cofactors, remaining = fitted(H)
             if best is None or remaining < best[0]:
-                best = remaining, subset, x[3:], np.sqrt(np.diagonal(np.linalg.inv(N)))[3:]
+                best = remaining, subset, shifts[3:], np.sqrt(np.diagonal(cofactors))[3:]
     assert best is not None
     remaining, subset, shift, sigma = best
     splits = 3 * (n - 2 * FEWEST_OF_SURVEY + 1)
