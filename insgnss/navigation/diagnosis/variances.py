@@ -52,7 +52,7 @@ from ..innovations.likelihood import (
     evaluate,
     linear_segment,
 )
-from ..innovations.search import Maximum, Search
+from ..innovations.search import LAST_GAIN, Maximum, Search
 from .candidates import (
     ErrorModel,
     LayoutFactory,
@@ -72,7 +72,6 @@ FAMILIES = {
 }
 OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
-LAST_GAIN = 0.01  # gain of a step in -2 log L that ends the search: a tenth of a sigma of a factor
 MOST_FIXES_JUDGED = 3000  # of the part that is looked at: five minutes at 10 Hz
 # gain of a slow error of the fixes from which on it is not excluded: noise does it in one flight of
 # thirty
