@@ -24,8 +24,7 @@ from ..records import Array, Diagnostics, ExteriorOrientation
 from .charts.encoded import packed
 from .charts.run import track_rows
 from .coverage import outages, segments
-from .flightlines import flight_lines
-from .summary import image_sigmas
+from .flightlines import flight_lines, image_sigmas
 
 FLAGS = (
     "in an outage",

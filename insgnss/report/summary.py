@@ -16,7 +16,7 @@ from ..base.files import json_ready
 from ..geodesy.rotation import rpy_from_rotation
 from ..records import Array, Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
-from .flightlines import line_figures
+from .flightlines import image_sigmas, line_figures
 from .line_fixes import fixes_of_lines
 from .rules.hidden import hidden
 from .rules.needs import stated_need
@@ -181,15 +181,6 @@ def _counts(run: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
             counts[f"{name}_used"] = int((offered & used).sum())
             counts[f"{name}_rejected"] = int((offered & ~used).sum())
     return counts
-
-
-def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
-    """Return the standard deviations of the images: position (n, 3) m and psi (n, 3) rad.
-
-    The axes are those of the tangent plane, east, north, up.
-    """
-    sigma = np.sqrt(np.maximum(np.diagonal(eo.cov, axis1=1, axis2=2), 0.0))
-    return sigma[:, :3], sigma[:, 3:]
 
 
 def _min_median_max(x: Array) -> dict[str, Array]:

@@ -7,6 +7,7 @@ import pytest
 
 from insgnss.records import Check, MeanResidual, TimeCorrelatedError
 from insgnss.report.rules.needs import NEEDS
+from insgnss.report.sections import limits
 from insgnss.report.summary import run_summary
 from insgnss.report.verdict import run_verdict
 
@@ -200,3 +201,21 @@ def test_fixes_with_other_sigmas_do_not_fit_their_stated_ones(
     ]
     assert ("fit the accuracies adopted for them" in headline) is adopted
     assert ("their stated accuracies" in headline) is not adopted
+
+
+def test_fixes_that_stand_apart_are_the_cause_in_their_span(diagnostics, eo, summary) -> None:
+    """Oracle: by hand: the span holds the weak images or none of them; the remark that says the
+    same is left out of the page.
+    """
+    orientation = eo()
+    cov = orientation.cov.copy()
+    cov[4:8, 0, 0] = 0.2**2
+    images = replace(orientation, cov=cov)
+    for begin, named in ((images.time[0], True), (images.time[12], False)):
+        check = Check("incorrect fixes", "they stand apart", "one level", "note", "look at them")
+        check = replace(check, spans_s=((float(begin), float(begin) + 20.0),))
+        s = summary(diagnostics(checks=(check,)), images)
+        (reason,) = s["use"]["reasons"]
+        assert ("they stand apart; look at them, and give" in reason) is named
+        remarks = [*limits(s).parts, *limits(s).more]
+        assert ("incorrect fixes" in str(remarks)) is not named
