@@ -57,6 +57,7 @@ def run_summary(
     gps_week: int | None = None,
     heading_with_antennas_deg: float | None = None,
     heading_with_sensors_deg: Mapping[str, float] | None = None,
+    exposure_sigma_s: float | None = None,
 ) -> dict[str, Any]:
     """All figures of merit of a run, ready for JSON.
 
@@ -75,9 +76,12 @@ def run_summary(
     heading_with_antennas_deg : sigma of the images' headings, median, that two antennas would have
         left in this flight; None where it was not tried.
     heading_with_sensors_deg : likewise, by name, of those among other sensors that would help.
+    exposure_sigma_s : standard deviation of the exposures' stamps, median; None: none that matters.
     """
     week = gps_week if eo is None else eo.gps_week
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo, week)
+    if eo is not None and exposure_sigma_s is not None and figures["exposures"] is not None:
+        figures["exposures"]["stamps"] = _stamps(eo, exposure_sigma_s)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
     figures["line_fixes"] = fixes_of_lines(diagnostics, eo, series)
     figures |= {
@@ -215,6 +219,24 @@ def _exposures(run: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
     figures["heading_range_before_first_deg"] = (
         math.degrees(np.ptp(heading_before)) if heading_before.size else 0.0
     )
+    return figures
+
+
+def _stamps(eo: ExteriorOrientation, sigma_s: float) -> dict[str, float]:
+    """Return the sigma of the exposures' stamps, the path flown in it, m, and its share of the
+    variances of position and attitude; medians over the images.
+    """
+    figures = {"sigma_s": sigma_s}
+    for name, rate, block in (
+        ("position", eo.velocity_mps, slice(0, 3)),
+        ("attitude", eo.rate_radps, slice(3, 6)),
+    ):
+        if rate is not None:
+            variance = np.trace(eo.cov[:, block, block], axis1=1, axis2=2)
+            moved = sigma_s * np.linalg.norm(rate, axis=1)
+            figures[f"{name}_share"] = float(np.median(moved**2 / variance))
+            if name == "position":
+                figures["path_m"] = float(np.median(moved))
     return figures
 
 

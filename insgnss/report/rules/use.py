@@ -406,6 +406,8 @@ def _insufficient(
             topics = [quantity, "image"]
         if outages:
             topics.append("outage")
+        elif accuracy.by_stamps(figures, "position" if column < 3 else "attitude"):
+            topics.append("exposure times")
         text = (
             f"{quantity} is known to {known_to} only, needed are {needed_text}, in"
             f" {judged.listed(rows)}"
@@ -427,6 +429,15 @@ def _cause_and_help(figures: Figures, begin: float, end: float, column: int) -> 
         o = max(outages, key=lambda outage: float(outage["length_s"]))
         help_ = "; repeat these images, or give them their sigmas in the adjustment"
         return f": {no_fix(figures, o)}", help_
+    if accuracy.by_stamps(figures, "position" if column < 3 else "attitude"):
+        stamps = figures["exposures"]["stamps"]
+        why = f"the exposures' stamps are known to {stamps['sigma_s']:.2g} s only"
+        if column < 3:
+            why += f", {millimetres(1e3 * stamps['path_m'])} along the path"
+        return (
+            f": {why}",
+            "; give stamps with all their digits, or let the receiver record the exposures",
+        )
     lines = [line for line in figures["lines"] if line["start_s"] <= end and line["end_s"] >= begin]
     if column == 5 and len(lines) == 1:
         why, help_ = places.why(figures, lines[0])

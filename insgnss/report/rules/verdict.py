@@ -88,7 +88,10 @@ def headline(figures: Figures) -> str:
     }[judged(figures["consistency"]["position"])]
     n, used = fixes["fixes"], fixes["fixes_used"]
     which = f"all {n} GNSS positions" if used == n else f"the {used} GNSS positions used of {n}"
-    return f"{text}; {which} {support} their stated accuracies{_if_usual(figures, claim)}"
+    enlarging = ["GNSS sigmas", *(["incorrect fixes"] if used == n else [])]
+    adopted = any(check["name"] in enlarging for check in figures["checks"])
+    accuracies = "the accuracies adopted for them" if adopted else "their stated accuracies"
+    return f"{text}; {which} {support} {accuracies}{_if_usual(figures, claim)}"
 
 
 def _if_usual(figures: Figures, claim: Figures) -> str:

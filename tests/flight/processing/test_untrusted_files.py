@@ -201,6 +201,19 @@ def test_a_season_trusts_the_directory_of_each_flight(sent: Path) -> None:
     assert SECRET not in str(outcome.row)
 
 
+def test_home_is_that_of_the_first_parameter_however_the_call_orders_its_keywords(
+    sent: Path,
+) -> None:
+    """Oracle: the secret, which lies in the home of the second argument."""
+
+    @at_home
+    def reads(path: Path, other: Path) -> object:
+        return read_imu_csv(other)
+
+    secret = sent.parent / "words.txt"
+    assert SECRET not in said(lambda: reads(other=secret, path=sent / "flight.toml"))
+
+
 def test_what_nobody_sent_is_shown(sent: Path) -> None:
     """Oracle: the line; a reader called by itself, and a file in the directory that is trusted."""
     secret = sent.parent / "words.txt"
