@@ -24,6 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...base.quantiles import chi_square_quantile
 from ...geodesy.gpstime import DAY_S
 from ...records import Array
 from ...records.states import LEVER_ARM, TIME_OFFSET, State
@@ -197,8 +198,6 @@ def judged(
     value, sigma : (n,) in the unit of the quantity.
     names : (n,) flights.
     """
-    from scipy.stats import chi2
-
     values = (equipment, quantity, days, value, sigma, tuple(names))
     if days.size < FEWEST_FLIGHTS:
         return SeasonTrend(*values, "too few")
@@ -208,7 +207,7 @@ def judged(
     slope, slope_sigma, level, x = fit(days, value, sigma)
     finding: Finding = "steady"
     residual = value - level - slope * days
-    limit = float(chi2.isf(1.0 / SCATTER_CHANCE, days.size - 2)) / (days.size - 2)
+    limit = chi_square_quantile(days.size - 2, 1.0 / SCATTER_CHANCE) / (days.size - 2)
     if abs(slope) > SLOPE_SIGMAS * slope_sigma and abs(slope) * span > quantity.physical:
         finding = "drift"
     elif x > limit and float(np.abs(residual).max()) > quantity.physical:

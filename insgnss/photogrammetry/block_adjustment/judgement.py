@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...base.findings import Finding, ranked
+from ...base.quantiles import chi_square_quantile
 from ...base.wording import some
 from ...flight.config.block_file import OBSERVATION_GROUPS
 from ...report.rules.wording import lengths, screen_unit
@@ -170,10 +171,10 @@ def _worst_check_points(figures: Mapping[str, Any]) -> float:
 
 def _bounds(redundancy: float) -> tuple[float, float]:
     """Return the two-sided 99.9 % bounds of a variance component."""
-    from scipy.stats import chi2
-
-    low, high = chi2.ppf((1.0 - BOUND_CHANCE, BOUND_CHANCE), redundancy) / redundancy
-    return float(low), float(high)
+    low, high = (
+        chi_square_quantile(redundancy, above) for above in (BOUND_CHANCE, 1.0 - BOUND_CHANCE)
+    )
+    return low / redundancy, high / redundancy
 
 
 def _components(figures: Mapping[str, Any]) -> Iterator[Finding]:
@@ -296,7 +297,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
 
 def _images(solved: AdjustedBlock) -> Iterator[Finding]:
     """Images of whose observations many take no part, which chance does not do."""
-    from scipy.stats import binom
+    from scipy.special import bdtrc
 
     problem = solved.result.problem
     block = problem.block
@@ -308,7 +309,7 @@ def _images(solved: AdjustedBlock) -> Iterator[Finding]:
     missing = np.bincount(observations.image[shared & ~active], minlength=n)
     share = missing / np.maximum(total, 1)
     usual = max(USUAL_REJECTED, 2.0 * float((shared & ~active).sum() / max(1, shared.sum())))
-    chance = binom.sf(missing - 1, total, min(usual, 0.5))
+    chance = bdtrc(missing - 1, total, min(usual, 0.5))
     beyond = np.flatnonzero((share > MOST_OF_IMAGE) & (chance < IMAGE_CHANCE / n))
     if beyond.size:
         worst = int(beyond[np.argmax(share[beyond])])
@@ -355,9 +356,7 @@ def _excess(figures: Mapping[str, Any]) -> float:
 
 def _limit(trial: Trial) -> float:
     """Return the gain that an unknown of no effect has by chance at most."""
-    from scipy.stats import chi2
-
-    return float(chi2.isf(HIDDEN, trial.unknowns))
+    return chi_square_quantile(trial.unknowns, HIDDEN)
 
 
 def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:

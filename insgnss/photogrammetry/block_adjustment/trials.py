@@ -17,6 +17,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...base.findings import Finding, ranked
+from ...base.quantiles import chi_square_quantile
 from ...flight.config.block_file import BlockFile
 from ...records.block import Array
 from ...report.rules.wording import screen_unit
@@ -164,9 +165,8 @@ def explains(
     share : float
         Of the excess, which an explanation takes away at least.
     """
-    from scipy.stats import chi2
-
-    return bool(gain > max(chi2.isf((1.0 - GAIN_CHANCE) / candidates, unknowns), share * excess))
+    least = chi_square_quantile(unknowns, (1.0 - GAIN_CHANCE) / candidates)
+    return bool(gain > max(least, share * excess))
 
 
 def trials(
@@ -316,8 +316,6 @@ def unnoticed(
 
     Of nadir images at one height the camera constant takes the part along the viewing direction.
     """
-    from scipy.stats import chi2
-
     if not solved.inputs.file.aerial_control.positions_alone:
         return
     variance = np.median(np.diagonal(solved.precision.pose_cov, axis1=1, axis2=2), axis=0)[:3]
@@ -327,7 +325,7 @@ def unnoticed(
         size, hidden = sigma.max(), sigma.max() > np.sqrt(0.5 * variance.max())
         text = "the lever arm (antenna height) and all images are known to {}, as their sigmas say"
     elif arm is not None:
-        limit, sigma = float(chi2.isf(chance, arm.unknowns)), arm.sigma
+        limit, sigma = chi_square_quantile(arm.unknowns, chance), arm.sigma
         size = np.sqrt(limit) * sigma.max()
         hidden = arm.gain <= limit and size > COVERED_SIGMAS * np.sqrt(variance.max())
         text = "an error of the lever arm (antenna height) of up to {} would go unnoticed and move"
