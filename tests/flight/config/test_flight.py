@@ -320,12 +320,12 @@ WRONG = {
     "key of another table": (
         _in("imu", "sigma_m = [1, 1, 1]"),
         2,
-        "imu.sigma_m: unknown key; it belongs into [gnss] or [barometer]",
+        "imu.sigma_m: unknown key; this key belongs in [gnss] or [barometer]",
     ),
     "key of the top": (
         _in("gnss", "gps_week = 2008"),
         4,
-        "gnss.gps_week: unknown key; it belongs to the top",
+        "gnss.gps_week: unknown key; this key belongs at the top",
     ),
     "key of a sub-table": (
         _in("imu", 'units = { gyros = "deg/s" }'),
@@ -726,15 +726,15 @@ WRONG = {
     "too deep a key": (
         MINIMAL + ".".join("a" * 20000) + " = 1\n",
         5,
-        "19999 tables or lists within each other (limit 100); write them flat",
+        "19999 nested tables or lists (limit 100); write them without nesting",
     ),
     "deep": (MINIMAL + "name = " + 102 * "[" + 102 * "]", None, "(limit 100); write them flat"),
-    "too long": (MINIMAL + "#" + 1_000_000 * "x", None, "(limit 1000000); is it a file of"),
+    "too long": (MINIMAL + "#" + 1_000_000 * "x", None, "characters are too many for a file of"),
     "line behind NEL": ("# a\x85b\n" + _in("imu", "filee = 1"), 3, "imu.filee: unknown key"),
     "syntax": (_in("imu", "axes = forward"), 2, "not TOML: "),
     "backslash": (_in("imu", 'file = "data\\imu.csv"'), 2, "with /, on Windows too"),
     "unclosed": (MINIMAL + 'name = "x', None, "not TOML: "),
-    "encoding": (b'name = "\xff"\n' + MINIMAL.encode(), None, "not UTF-8 at byte 8"),
+    "encoding": (b'name = "\xff"\n' + MINIMAL.encode(), None, "byte 8 is not UTF-8"),
 }
 
 

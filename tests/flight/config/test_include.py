@@ -104,7 +104,7 @@ def test_a_message_names_the_file_and_line_of_the_key(
             'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
         )
     if "TOML" in message or "wings" in message:
-        with pytest.raises(InputError, match=r"wing\.toml:1: has an .* nothing of it is shown"):
+        with pytest.raises(InputError, match=r"wing\.toml:1: has an .* which is not shown"):
             load(flight, **shared)
         monkeypatch.setenv(SHOWN_VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match=message):
