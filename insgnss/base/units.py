@@ -185,7 +185,7 @@ class _Parser:
         if name in UNITS:
             return UNITS[name]
         if not name[:1].isalpha():
-            raise self.refused(f"{name or 'the end'!r} stands where a unit is expected")
+            raise self.refused(f"a unit is expected where {name or 'the end'!r} stands")
         raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {near(name, UNITS, 0.5)}")
 
 

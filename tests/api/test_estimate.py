@@ -356,7 +356,7 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
             r"gnss\.gate_sigmas: there is no such key; did you mean gnss__gate_sigma\?",
         ),
         ({"wheels": True}, insgnss.UsageError, "wheels: there is no such key; known are imu, "),
-        ({"camera__time_offset_s": 0.1}, insgnss.UsageError, "not given; give the whole of it"),
+        ({"camera__time_offset_s": 0.1}, insgnss.UsageError, "not given; give the complete table"),
         ({}, insgnss.DataError, "heading not observable"),
     ],
 )
