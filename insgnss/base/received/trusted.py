@@ -104,8 +104,8 @@ def instead(path: object) -> str:
     """Return what a message says of a hidden file."""
     directory = os.path.dirname(os.path.realpath(str(path)))
     return (
-        f"has an error; nothing of it is shown, as the file is outside of {_HOMES.get()[0]}; if you"
-        f" trust it, set {SHOWN_VARIABLE}={directory} in the environment to see the error"
+        f"has an error, which is not shown because the file is outside of {_HOMES.get()[0]}; if "
+        f"you trust the file, set {SHOWN_VARIABLE}={directory} in the environment to see the error"
     )
 
 

@@ -44,9 +44,8 @@ class Examination:
         count = Counter(f.verdict for f in self.findings)
         result = "does not work here" if self.refusal else "works here"
         last = (
-            f"insgnss {result}; of {len(self.findings)} lines {count['ok']} ok,"
-            f" {count['note']} of notes, {count['unknown']} not known,"
-            f" {count['contradiction']} wrong"
+            f"insgnss {result}; {len(self.findings)} lines: {count['ok']} ok, {count['note']} "
+            f"notes, {count['unknown']} unknown, {count['contradiction']} wrong"
         )
         return "\n".join([*lines, last])
 
@@ -90,7 +89,7 @@ def examine(progress: Callable[[str], None], compiling: bool = False) -> Examina
     findings += package_findings()
     if compiling:
         findings += _guarded("kernels", lambda: _compiled(progress))
-    progress("compiled kernels; to compile them for the first time takes up to a minute")
+    progress("compiled kernels; the first compilation takes up to a minute")
     findings += _guarded("kernels", _core)
     progress("grids and engine")
     findings += _guarded("grids", grid_findings)

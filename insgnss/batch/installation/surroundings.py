@@ -73,7 +73,10 @@ def _shipped_findings(shipped: dict[str, Any]) -> list[Finding]:
         return [question.ok(origin)]
     advice = f"pip install llvmlite=={version}, if this computer's processor is a {name}"
     return [
-        question.note(f"{origin}, not used here: the first run compiles the kernels anew", advice)
+        question.note(
+            f"kernels {origin}, not used here; the first run compiles them",
+            advice,
+        )
     ]
 
 
@@ -84,11 +87,11 @@ def _cache_finding(kernel: Any) -> Finding:
     path = getattr(getattr(kernel, "_cache", None), "cache_path", None)
     if path is None:
         advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS_AT} to a directory that you can write"
-        value = "none: kernels are interpreted, or compiled anew by every command"
+        value = "no cache: every command interprets the kernels or compiles them anew"
         return cache.note(value, advice)
     if _writable(Path(path)):
         return cache.ok(f"{path}{origin}, writable")
-    advice = f"set {KERNELS_AT} to a directory that is kept and that you can write"
+    advice = f"set {KERNELS_AT} to a permanent directory that you can write"
     return cache.note(f"{path}{origin} cannot be written", advice)
 
 
@@ -109,9 +112,8 @@ def grid_findings() -> list[Finding]:
     counts = {directory: sum(1 for _ in _grids(directory)) for directory in directories}
     held = ", ".join(f"{count} in {directory}" for directory, count in counts.items())
     get = (
-        "grids are needed for heights above sea level and datum shifts only: `pyproj sync --file"
-        " NAME` downloads the grid that a message names, `pyproj sync --bbox"
-        " WEST,SOUTH,EAST,NORTH` all grids of an area"
+        "grids are needed only for heights above sea level and datum shifts; `pyproj sync --file "
+        "NAME` downloads one grid, `pyproj sync --bbox WEST,SOUTH,EAST,NORTH` all grids of an area"
     )
     network = (
         "on: PROJ may download grids during a run; set PROJ_NETWORK=OFF for results that do not"
@@ -141,13 +143,10 @@ def engine_finding() -> Finding:
     try:
         command = engine_command()
     except InsgnssError as error:
-        advice = (
-            f"{error}; only `insgnss ppk` and flight files with raw GNSS observations need a PPK"
-            " engine, all else works without"
-        )
+        advice = f"{error}; only `insgnss ppk` and flights with raw GNSS observations need it"
         return engine.note("none", advice)
     if command[0] != sys.executable:
-        return engine.ok(f"{command[0]}; its version is known only after its first solution")
+        return engine.ok(f"{command[0]}; the version is known only after the first solution")
     return engine.ok(f"{MODULE} {metadata.version(MODULE)} (RTKLIB as a wheel)")
 
 

@@ -33,19 +33,19 @@ def draft_noise(draft: Draft, sensing: Sensing) -> None:
         "imu",
         "noise",
         NOISE_FILE,
-        f"no shipped model fits: {measured}; class by this: {sensing.grade}",
+        f"no shipped noise model fits ({measured}); the sensor is of the class {sensing.grade}",
     )
     draft.noise = noise_model(sensing, draft.tables[""][0].value)
     bias = (
-        "the mean rate at rest sets the turn-on bias of the gyros"
+        "the turn-on bias of the gyros is set from the mean rate at rest"
         if sensing.rest_s > 0.0
         else "no stationary period: turn-on biases are a-priori"
     )
     draft.noise_why = (
         f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
         (
-            f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes, scale factors and"
-            f" misalignments a-priori of a {sensing.grade} sensor. Static recordings show the"
-            " noise better: insgnss tune."
+            f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes, scale factors and "
+            f"misalignments are a-priori values of a {sensing.grade} sensor. Static recordings "
+            "give a better noise model: insgnss tune."
         ),
     )
