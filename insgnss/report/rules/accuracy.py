@@ -305,7 +305,7 @@ def states(figures: Figures) -> Iterator[Finding]:
             )
             help_ = (
                 "fly changes of speed"
-                if unit == "ms"
+                if unit in ("ms", "ppm")
                 else "measure it, or turn on the spot and fly figures of eight"
             )
             rank = max(1.0, 1e3 * state["moves_m"] / typical) if state["requested"] else REMARK
