@@ -63,6 +63,7 @@ CAUSES = {  # checks that name a cause
     *(
         "IMU misalignments",
         "IMU noise",
+        "GNSS swing",
         "IMU warm-up",
         "IMU bias step",
         "gyro delay",

@@ -555,7 +555,20 @@ CASES = (
     ),
     Case("float fixes of 30 cm, 20 s, once", converging(0.3, 20.0, 150.0), FLOAT),
     *(
-        Case(f"fixes swing by {100 * m:g} cm over {t:g} s", swinging(m, t), f"{CORRELATED}|slow")
+        Case(
+            f"fixes swing by {100 * m:g} cm over {t:g} s",
+            swinging(m, t),
+            f"{CORRELATED}|GNSS swing",
+        )
+        for m, t in ((0.3, 60.0), (1.0, 60.0), (1.0, 120.0))
+    ),
+    *(
+        Case(
+            f"fixes swing by {100 * m:g} cm over {t:g} s",
+            swinging(m, t),
+            f"{CORRELATED}|GNSS swing",
+            beyond="accelerations below the tilt of a good flight",
+        )
         for m, t in ((0.3, 120.0), (0.3, 300.0), (1.0, 300.0))
     ),
     Case("outliers of 1 m, 1 %", outliers(0.01, 1.0), LOST, True),

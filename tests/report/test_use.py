@@ -142,12 +142,19 @@ def test_what_forbids_the_use_of_all_images_has_its_reason(diagnostics, eo, summ
         assert run_verdict(s)[0] == "bad"
 
 
-def test_a_question_that_no_data_answer_holds_all_images_back(diagnostics, eo, summary) -> None:
-    """Oracle: by hand; the answer is in the flight file, so nothing is forbidden."""
-    asks = Check("exposure clock", "by the other clock 2 m elsewhere", "-", "note", "say it")
+@pytest.mark.parametrize("name", ["exposure clock", "GNSS swing"])
+def test_a_question_that_no_data_answer_holds_all_images_back(
+    name, diagnostics, eo, summary
+) -> None:
+    """Oracle: by hand; the answer is in the flight file, so nothing is forbidden, and an accepted
+    one holds nothing back.
+    """
+    asks = Check(name, "by the other clock 2 m elsewhere", "-", "note", "say it")
+    accepted = summary(diagnostics(checks=(asks,)), eo(), accept=[name])
+    assert accepted["use"]["verdict"] == "use"
     s = summary(diagnostics(checks=(asks,)), eo())
     assert (s["use"]["verdict"], len(s["use"]["images"])) == ("except", 30)
-    assert s["use"]["reasons"] == ["exposure clock: by the other clock 2 m elsewhere; say it"]
+    assert s["use"]["reasons"] == [f"{name}: by the other clock 2 m elsewhere; say it"]
 
 
 def test_without_a_camera_the_trajectory_is_judged(diagnostics, summary) -> None:

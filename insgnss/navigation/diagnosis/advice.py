@@ -55,6 +55,9 @@ STAMPED = (
 # of the IMU's interval: samples taken for its mean are late by half of it where they are
 # instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
 LATE_SAMPLES = (0.25, 0.5)
+# factors of driving noise, of accelerometers from which on, of gyros up to which fixes may swing:
+# 30 cm over 120 s under a NavChip have 2.4 and less than 1
+RESTLESS, STEADY_GYRO = 2.0, 1.5
 LATE_SIGMAS = 2.0  # sigmas of the offset, within which it is one of `LATE_SAMPLES` (95 %)
 
 
@@ -282,10 +285,41 @@ def variance_check(
     factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
     return Question("IMU noise", "factors of one").note(
         f"{suspected.family} times {factors} explains the innovations, {evidence}; solved with it",
-        "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
-        + "; GNSS positions that swing over a minute or two look the same, and shift all images:"
-        " compare with a second base" * ("accel.driving_noise" in larger),
+        "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors",
     )
+
+
+def swing_check(suspected: "VarianceHypothesis", errors: FixErrors) -> list[Finding]:
+    """Ask whether the fixes swing, where accelerometers alone seem more restless than stated.
+
+    A swing of amplitude A and period P is an acceleration of A (2 pi / P)^2, which larger bias
+    noise follows; a Gauss-Markov error of the fixes, rough from fix to fix, cannot win. Temperature
+    and vibration move gyros as well. A is not told: tilt takes an unknown share of it.
+
+    Parameters
+    ----------
+    suspected : VarianceHypothesis
+        The variances that are adopted.
+    errors : FixErrors
+        The errors of the fixes among the states.
+
+    Returns
+    -------
+    list of Finding
+        A note; none where gyros are restless, too, or slow errors of the fixes are states.
+    """
+    gyro, accel = (suspected.factors.get(f"{one}.driving_noise", 1.0) for one in ("gyro", "accel"))
+    slow = errors.gm_sigma or errors.unfixed_gm_sigma
+    if slow or accel < RESTLESS or gyro > STEADY_GYRO:
+        return []
+    note = Question("GNSS swing", "accelerometers that are as restless as gyros").note(
+        "either the GNSS positions swing over a minute or two, and all images with them by more"
+        f" than their sigmas, or the accelerometer biases are {accel:.1f} times as restless as"
+        f" stated (log evidence {suspected.evidence:.0f}); the result takes the positions as right",
+        "compare the positions with a second base, or the images with a few ground points; if they"
+        " agree, `insgnss tune --flight` gives the noise",
+    )
+    return [note]
 
 
 def message(errors: FixErrors) -> str:

@@ -15,7 +15,7 @@ from ..filter.problem import InitialState
 from ..filter.smoother import SharedError
 from ..filter.solution import Solution
 from ..innovations.withheld import predicts
-from .advice import advice, as_solved, message, together, unseen, variance_check
+from .advice import advice, as_solved, message, swing_check, together, unseen, variance_check
 from .candidates import FAR_FACTOR, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
 from .constants import (
@@ -50,14 +50,7 @@ from .sensor_dynamics import (
     late_sensors,
 )
 from .time_correlated import is_suspicious, time_correlated_error
-from .variances import (
-    BIAS_NOISE,
-    LEAST_PROMISE,
-    LEAST_SLOW,
-    OF_IMU,
-    VarianceSearch,
-    with_variances,
-)
+from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
 LATE_SENSORS = tuple(one.name for one in DYNAMICS)  # and so are delays of a sensor
@@ -390,8 +383,9 @@ def _variance(
         unpredicted = winner.narrowed and not predicts(solution, search.align)
         if unpredicted or after.left() > winner.evidence:
             return None
-        check, adopted = variance_check(winner, search.claims, search.drafted), (solution, model)
-        return state.after_trial([winner.family], [check], adopted=adopted, variances=after)
+        checks, adopted = [variance_check(winner, search.claims, search.drafted)], (solution, model)
+        checks += [] if search.drafted else swing_check(winner, model.fixes)
+        return state.after_trial([winner.family], checks, adopted=adopted, variances=after)
 
     return winner.evidence, adopt
 
@@ -443,13 +437,12 @@ def _time_correlated(
     fixes = state.model.fixes
     if fixes.gm_sigma is not None:
         return None
-    least_gain = 0.0
     if not suspicious.result():
         # what larger noise of the IMU leaves is no error of the fixes
         imu = state.model.imu
         alone = (imu.white_noise, imu.driving_noise) == ((1.0, 1.0), (1.0, 1.0))
         errors = variances.slow_error(search.of_fixes(state.model), fixes) if alone else None
-        parameters, least_gain = SLOW_PARAMETERS, LEAST_SLOW  # carried by its odds, shown or not
+        parameters = SLOW_PARAMETERS
     else:
         search.progress("the innovations are not white: errors of the fixes")
         errors = time_correlated_error(state.solution, search.of_fixes(state.model), fixes)
@@ -459,7 +452,7 @@ def _time_correlated(
         return None
     model = replace(state.model, fixes=errors)
     evidence = variances.evidence_of(search.layout(model), parameters)
-    return max(evidence, 0.0), lambda: _adopted(search, posed, state, model, least_gain)
+    return max(evidence, 0.0), lambda: _adopted(search, posed, state, model)
 
 
 def _resets(solution: Solution) -> int:
@@ -467,10 +460,8 @@ def _resets(solution: Solution) -> int:
     return fix_counts(solution.verdict)[2]
 
 
-def _adopted(
-    search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel, least_gain: float
-) -> Stage:
-    """Solve again with a time-correlated GNSS error, which gains `least_gain` in `misfit` at least.
+def _adopted(search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel) -> Stage:
+    """Solve again with a time-correlated GNSS error.
 
     As long as that loses fixes, it is tried with a larger white share. Where the one that loses
     none has less than half of the gain in `misfit`, which charges each lost fix, what is lost are
@@ -478,6 +469,7 @@ def _adopted(
     """
     before, name = misfit(state.solution), "time-correlated"
     most, keeps_most, adopted = 0.0, None, None
+    reason = "with this error the filter rejects fixes"
     for _ in range(TRIES):
         search.progress("filter, with a time-correlated GNSS error")
         again = search.solved(posed, model)
@@ -486,20 +478,12 @@ def _adopted(
             if follows(again) and gain > 0.0 and gain >= MOST_OF_GAIN * most:
                 most, keeps_most = max(most, gain), (model, again)
             if not loses_fixes(again, state.solution):
-                enough = LEAST_OF_GAIN * most if most > 0.0 else least_gain
-                adopted = (model, again) if gain >= enough else keeps_most
+                adopted = (model, again) if gain >= LEAST_OF_GAIN * most else keeps_most
+                reason = "this error explains the whole flight no better"
                 break
         model = replace(model, fixes=with_larger_white_share(model.fixes))
-    else:
-        sentence = (
-            f"{message(model.fixes)}; not adopted, since with this error the filter rejects fixes"
-        )
-        return state.after_trial([name], (), sentence)
     if adopted is None:
-        sentence = (
-            f"{message(model.fixes)}; not adopted, since this error explains the whole flight no"
-            " better"
-        )
+        sentence = f"{message(model.fixes)}; not adopted, since {reason}"
         return state.after_trial([name], (), sentence)
     model, solution = adopted
     return state.after_trial([name], (), message(model.fixes), (solution, model))

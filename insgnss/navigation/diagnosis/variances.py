@@ -73,12 +73,8 @@ FAMILIES = {
 OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
 MOST_FIXES_JUDGED = 3000  # of the part that is looked at: five minutes at 10 Hz
-# gain of an error of the fixes from which on it is not excluded: noise does it in one flight of
-# thirty
-LEAST_AVERAGED = 2.5
-# gain of `SLOW_FIRST` from which on the average is carried: white fixes have -12 to -4.5, and there
-# it would add 3 mm to 6 mm; 2 cm over 60 s have 15, but the same rate has left -2.5
-LEAST_SLOW = -4.0
+LEAST_AVERAGED = 2.5  # gain of an error that excludes none: noise does it in one flight of thirty
+NO_WEIGHT = 20.0  # loss in -2 log L from which on a share, and any larger one, weighs e^-10
 LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
 SLOW_FIRST = (0.5, 60.0)  # share and correlation time (s) that are looked at first
 NO_STEP = 0.02  # log of the white factor, up to which (V.1) is exact to 0.2 for 3000 fixes
@@ -87,8 +83,7 @@ NO_STEP = 0.02  # log of the white factor, up to which (V.1) is exact to 0.2 for
 SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.15, 1.5: 0.04, 2.0: 0.01}
 # those of its correlation time, s: of RTK over short baselines about 115 s at rest (Miller, O'Keefe
 # and Gao 2012), less in motion, which changes the reflections; 800 to 1000 s of a network's
-# corrections, which a flight of minutes does not tell from an error of the base; their mean, which
-# the covariance follows, is 132 s
+# corrections, which a flight of minutes does not tell from an error of the base: 132 s in the mean
 SLOW_S = {20.0: 0.15, 60.0: 0.3, 120.0: 0.3, 300.0: 0.25}
 # both where the innovations show an error. Seconds, of a receiver's filter, are taken where slower
 # errors lose by some 14 in -2 log L (planted ones of 60 s have lost by up to 10), ten minutes are
@@ -96,8 +91,7 @@ SLOW_S = {20.0: 0.15, 60.0: 0.3, 120.0: 0.3, 300.0: 0.25}
 # since whoever exceeds a claim by so much does not know its errors (chosen)
 EVERY_S = {1.0: 3e-4, 5.0: 3e-4, **SLOW_S, LONGEST_WINDOW_S: 0.03}
 EVERY_SHARE = {0.5: 0.35, 1.0: 0.2, 1.5: 0.1, 3.0: 0.05, 6.0: 0.03, 12.0: 0.02}
-# factor of the fixes' sigmas below which they are narrowed: nearer to one is as usual (chosen)
-NARROW_BELOW = 0.7
+NARROW_BELOW = 0.7  # factor below which sigmas are narrowed: nearer to one is as usual (chosen)
 # correlation times (s) and shares, in sigmas, of errors that would look like smaller sigmas: of a
 # receiver's filter, of multipath (`SLOW_S`), of what Doppler shares with the ionosphere; and how
 # many of the times a flight has to determine
@@ -274,7 +268,7 @@ class VarianceSearch:
         """Find an error of the fixes that is too slow, or too small, for the search of its shares.
 
         It stands beside their white error at its best size: a claim a tenth off would hide it. What
-        is carried is the average (V.3) over a grid and none at all, by the likelihood of the part.
+        is carried is the average (V.3) over a grid and none at all.
 
         Parameters
         ----------
@@ -286,8 +280,7 @@ class VarianceSearch:
         Returns
         -------
         FixErrors or None
-            `errors` with the time-correlated one; None where the flight speaks against it, by a
-            gain of less than `LEAST_SLOW`.
+            `errors` with the time-correlated one; None where the flight speaks against it.
         """
         k, without = self._white_share(layout_factory, errors)
         noise = k * errors.white_scale[0]  # which the shares are of, whatever the fixes claim
@@ -295,12 +288,15 @@ class VarianceSearch:
         def gains(time_s: float, shares: Sequence[float]) -> dict[tuple[float, float], float]:
             layout = layout_factory(with_time_correlated_error(errors, k, noise, time_s))
             segment = _linearised(self.part, layout, (CORRELATED, POSITION_SIGMAS))  # for all
-            costs = {c: _least_cost(segment, np.array([np.log(c), 0.0])) for c in shares}
-            return {(c, time_s): without - costs[c] for c in shares}
+            of_time: dict[tuple[float, float], float] = {}
+            for c in shares:
+                if min(of_time.values(), default=0.0) > -NO_WEIGHT:
+                    of_time[c, time_s] = without - _least_cost(segment, np.array([np.log(c), 0.0]))
+            return of_time
 
         time = self.part.problem.epochs.time
-        (share, time_s), least = SLOW_FIRST, LEAST_SLOW
-        if time[-1] - time[0] < LEAST_SPAN * time_s or gains(time_s, (share,))[SLOW_FIRST] < least:
+        c, T = SLOW_FIRST
+        if time[-1] - time[0] < LEAST_SPAN * T or gains(T, (c,))[SLOW_FIRST] < 0.0:
             return None
         every = {key: gain for T in SLOW_S for key, gain in gains(T, tuple(SHARES)).items()}
         share, time_s = _averaged(every, SHARES, SLOW_S)

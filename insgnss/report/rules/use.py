@@ -47,7 +47,8 @@ RESET_S = 30.0  # on both sides of a covariance reset: the filter had lost the f
 MOST_PLACES = 4  # of weak images that get a sentence each, and that are listed in one (chosen)
 UNREACHABLE = math.inf  # d of (U.1) where nothing bounds it
 ENU_AXES = ("east", "north", "up")
-OPEN_CLOCK = "exposure clock"  # check whose note asks what no data of the flight can answer
+# checks whose notes ask what no data of the flight can answer
+OPEN_QUESTIONS = ("exposure clock", "GNSS swing")
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +240,8 @@ def _refusals(figures: Figures) -> Iterator[str]:
 def _questions(figures: Figures) -> Iterator[str]:
     """Yield what no data of the flight can answer, and all images depend on."""
     for check in figures["checks"]:
-        if check["verdict"] == "note" and check["name"] == OPEN_CLOCK:
+        accepted = check["name"] in (figures["flight"].get("accept") or ())
+        if check["verdict"] == "note" and check["name"] in OPEN_QUESTIONS and not accepted:
             yield f"{check['name']}: {check['found']}; {check['advice']}"
 
 

@@ -11,9 +11,16 @@ import pytest
 
 from insgnss.base.findings.scale_prior import ScalePrior
 from insgnss.geodesy.rotation import right_angle_rotations
-from insgnss.navigation.diagnosis.advice import FixClaims, advice, unseen, variance_check
+from insgnss.navigation.diagnosis.advice import (
+    FixClaims,
+    advice,
+    swing_check,
+    unseen,
+    variance_check,
+)
 from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.navigation.diagnosis.variances import VarianceHypothesis
+from insgnss.navigation.filter.layout import FixErrors
 from insgnss.navigation.prepare.fix_covariance.numbers import claimed_scale
 from insgnss.records.cameras.mounting import Mounting, boresight_from_angles
 from insgnss.records.states import (
@@ -173,6 +180,30 @@ def test_a_scale_that_is_usual_of_the_source_is_no_remark(source, factor, verdic
     check = variance_check(winner, FixClaims(claimed_scale(source)))
     assert check.verdict == verdict
     assert f"positions scatter {factor:.2f} times" in check.found
+
+
+@pytest.mark.parametrize(
+    ("accel", "gyro", "errors", "asked"),
+    [
+        (2.4, 0.6, FixErrors(), True),
+        (27.0, 1.0, FixErrors(), True),
+        (1.9, 0.6, FixErrors(), False),
+        (27.0, 7.0, FixErrors(), False),
+        (27.0, 1.0, FixErrors(gm_sigma=(1.0, 1.0, 1.0)), False),
+        (27.0, 1.0, FixErrors(unfixed_gm_sigma=1.0), False),
+    ],
+)
+def test_restless_accelerometers_may_be_fixes_that_swing(accel, gyro, errors, asked):
+    """Oracle: the rule in words; what moves gyros, too, is the IMU's, and slow errors of the fixes
+    that are states compete by themselves.
+    """
+    factors = {"gyro.driving_noise": gyro, "accel.driving_noise": accel}
+    notes = swing_check(VarianceHypothesis("IMU bias noise", 900.0, factors), errors)
+    assert bool(notes) is asked
+    for note in notes:
+        assert note.verdict == "note"
+        assert "GNSS positions swing" in note.found
+        assert f"{accel:.1f} times as restless" in note.found
 
 
 def test_sigmas_lower_than_claimed_are_said_as_they_are_adopted():
