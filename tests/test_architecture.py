@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from insgnss.base.compilation.sources import closure
+from insgnss.base.compilation.kept import closure
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "insgnss"
@@ -544,7 +544,7 @@ OPENS = re.compile(
 )
 WITHOUT_DOOR = {  # reads without `base.inputs`, and why
     "base/ahead.py": "a list in the package",
-    "base/compilation/sources.py": "sources of the package",
+    "base/compilation/kept.py": "sources of the package",
     "base/shipped.py": "a description in the package",
     "base/memory.py": "what the kernel says of memory",
     "base/received/nesting.py": "a document that is going to be replaced",

@@ -4,9 +4,9 @@ It imports `base`, `geodesy`, `records`, `io`, `navigation`, `report`, `gnss` an
 and `cli` import it.
 
 The way of the data, room by room: `season/` gathers flights (`gathering.py`), foresees their memory
-(`forecast.py`), processes them side by side (`pool.py` on this machine, `scheduler.py` by Dask),
+(`run.py`), processes them side by side (`pool.py` on this machine, `scheduler.py` by Dask),
 keeps a row of each report (`row.py`), looks for trends of an equipment and writes one table and one
-page; `run.py` there has the order. `installation/` is `insgnss doctor`: `examination.py` has the
+page; `run.py` has the order. `installation/` is `insgnss doctor`: `examination.py` has the
 findings in their order.
 
 Where to look

@@ -20,7 +20,7 @@ Where to look
     its realisation: `processes/realisation.py`, its letters `composition.py` there
     the covariance of the variances: `moments/haar_covariance.py`
     choosing a model: `tuning/fitting.py`; processes a recording cannot determine: `usable.py`
-        there; warming up: `trend.py` there; the bias at turn-on: `turn_on.py` there
+        there; warming up: `trend.py` there; the bias at turn-on: `static.py` there
     recordings of some channels: `tuning/some_channels.py`; several IMUs: `several.py` there
     options: `tuning/options.py`; pages: `tuning/result.py`, `tuning/in_flight/result.py`
 """
