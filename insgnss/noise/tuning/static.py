@@ -29,9 +29,10 @@ from ...records import Array
 from ..processes.composition import Composition
 from .fitting import compositions, tune_axes
 from .options import TuneOptions, chosen_levels
-from .products.written import noise_model, planned, write
+from .products.written import TUNED_MODEL, noise_model, write
 from .recordings import POOLING, SENSOR_AXES, SENSORS, StaticRecording, read_static
 from .result import Tuned, TuneResult
+from .targets import planned
 from .trend import warm_up
 
 GRAVITY_SPREAD = 0.015  # m/s^2, by which gravity varies over the Earth: no bias below it shows
@@ -140,7 +141,7 @@ def tune_static(
         As `recordings.read_static` and `fitting` do, and UsageError for files of other recordings.
     """
     family = compositions(options)
-    target = planned(out, force, paths)
+    target = planned(out or TUNED_MODEL, force, paths)
     if len(set(paths)) < len(paths):
         raise UsageError(
             f"{next(p for p in paths if list(paths).count(p) > 1)}: given twice; one recording"
