@@ -18,7 +18,7 @@ Where to look
     what can be made again from its inputs (`insgnss archive`): `season/archive.py`
     the table and the page of a season: `season/tables.py`, `page.py` there
     packages by their metadata: `installation/packages.py`
-    machine, kernels on disk, grids, the PPK engine: `installation/surroundings.py`
+    machine, kernels on disk, grids, the PPK engine: `installation/examination.py`
     kernels compiled ahead (`doctor --compile`): `installation/compiling.py`
     the compiled core against a closed form: `installation/self_test.py`
     every numeric constant with its reason (`doctor --limits`): `installation/limits.py`

@@ -5,7 +5,7 @@ It imports `base`, `geodesy`, `records`, `io`, `navigation`, `report` and `fligh
 `insgnss/navigation/noise_model/`, since the filter needs them.
 
 The way of the data, room by room
-    `tuning/` reads and checks static recordings (`reading.py`, `recordings.py` there)
+    `tuning/` reads and checks static recordings (`recordings.py` there)
     `moments/` makes wavelet variances of them, and of models the same with their covariance
     `estimation/` fits composite models to the variances (GMWM), with tests of fit
     `tuning/` gives the verdict and the noise model's file (`static.py` has the order there);
