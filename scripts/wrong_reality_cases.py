@@ -530,6 +530,8 @@ CASES = (
     Case("GNSS errors of 1 cm, 20 s", wandering(0.01, 20.0), CORRELATED),
     Case("GNSS errors of 3 cm, 20 s", wandering(0.03, 20.0), CORRELATED),
     Case("GNSS errors of 3 cm, 120 s", wandering(0.03, 120.0), CORRELATED),
+    Case("GNSS errors of 2 cm, 60 s", wandering(0.02, 60.0), CORRELATED),
+    Case("GNSS errors of 4 cm, 300 s", wandering(0.04, 300.0), CORRELATED),
     Case("wrong ambiguity, 30 cm for 10 s", ambiguity(0.3, (150.0, 160.0)), LOST),
     Case("wrong ambiguity, 30 cm for 30 s", ambiguity(0.3, (140.0, 170.0)), LOST),
     Case(

@@ -66,7 +66,7 @@ class DemoResult:
                 ("the same of attitude", self.attitude_nse, ".2f"),
             )
         ]
-        mean = "mean of the last two: 1 is honest, 0.5 to 2 usual for one flight"
+        mean = "In the last two rows the mean should be 1; 0.5 to 2 is usual for one flight."
         return Document(
             "Demonstration",
             f"{self.images} images against the simulated truth",

@@ -187,7 +187,8 @@ def _refuse_ambiguous(flight: Flight, changes: Mapping[str, Any]) -> None:
     for key in changes:
         if key.startswith("output__") and key not in OF_NO_FILE:
             raise UsageError(
-                f"estimate: {key}: no file is written; give it to insgnss.export with the result"
+                f"estimate: {key} belongs to files, and estimate writes none; give it to "
+                "insgnss.export with the result"
             )
 
 

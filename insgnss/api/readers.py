@@ -106,7 +106,7 @@ def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -
         return Trajectory(t.time, t.lat, t.lon, t.height, t.velocity_ned, t.C_nb, cov, t.gps_week)
     if form == "sbet":
         return _read_sbet(file, gps_week)
-    raise InputError.in_file(file, "is no trajectory.csv and no SBET; give one of these")
+    raise InputError.in_file(file, "is neither trajectory.csv nor SBET; give one of these")
 
 
 def _read_sbet(path: Path, gps_week: int | None) -> Trajectory:

@@ -219,15 +219,16 @@ def tune(
     if isinstance(source, Flight):
         if options:
             raise UsageError(
-                f"tune: {next(iter(options))} belongs to static recordings; "
-                "the flight says the rest"
+                f"tune: {next(iter(options))} is an option of static recordings, and the source "
+                "is a flight; leave the option out"
             )
         from ..noise.tuning.several import tune_each
 
         return tune_each(source, target, parameters, progress, force)
     if parameters is not None:
         raise UsageError(
-            "tune: parameters belong to a flight; model names the processes of static recordings"
+            "tune: parameters is an option of flights; for static recordings name the noise "
+            "processes with model"
         )
     from ..noise.tuning.static import tune_static
 
@@ -235,9 +236,8 @@ def tune(
     no_paths = [path for path in paths if not isinstance(path, str | os.PathLike)]
     if no_paths:
         raise UsageError(
-            f"tune: {type(no_paths[0]).__name__} is no path; recordings are"
-            " files: np.save the table (n, 7) of time, gyro, accel and give its path, with"
-            ' gyro_unit="rad/s"'
+            f"tune: {type(no_paths[0]).__name__} is not a path of a file; save the table (n, 7) "
+            'of time, gyro, accel by np.save and give its path, with gyro_unit="rad/s"'
         )
     chosen = with_changes(TuneOptions(), options)
     return tune_static([Path(path) for path in paths], chosen, target, force, progress)
@@ -279,7 +279,8 @@ def calibrate_imu(
         )
     if reading and isinstance(imu, ImuSamples):
         raise UsageError(
-            f"calibrate_imu: {next(iter(reading))} says how to read a file, but samples are given"
+            f"calibrate_imu: {next(iter(reading))} is an option for reading a file, but samples "
+            "are given; leave the option out"
         )
     import numpy as np
 

@@ -37,8 +37,8 @@ def settle() -> str:
     if "numba" in sys.modules:
         sys.modules["numba"].config.reload_config()
     return (
-        "neither the home directory nor the installation can be written: compiled functions are"
-        f" kept in {directory}; set {KERNELS_AT} to a directory that is kept and that you can write"
+        "neither the home directory nor the installation is writable, so compiled functions are "
+        f"kept in {directory}; set {KERNELS_AT} to a permanent directory that you can write"
     )
 
 

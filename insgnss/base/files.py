@@ -23,8 +23,8 @@ def refuse_other_than_utf8(paths: Iterable[str | os.PathLike[str]]) -> None:
             str(path).encode("utf-8")
         except UnicodeEncodeError:
             raise InputError(
-                f"{str(path)!r}: is a name that is not UTF-8, which reports and tables cannot hold;"
-                " rename it, such as by convmv -f latin1 -t utf8"
+                f"{str(path)!r}: the file name is not UTF-8, so reports and tables cannot hold "
+                "it; rename the file, such as by convmv -f latin1 -t utf8"
             ) from None
 
 
@@ -82,7 +82,7 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
                 if any("\ud800" <= character <= "\udfff" for character in text)
             )
             raise InputError(
-                f"{goal}: cannot hold {word!r}, a name that is not UTF-8; rename that file"
+                f"{goal}: cannot hold the file name {word!r}, which is not UTF-8; rename that file"
             ) from None
 
 

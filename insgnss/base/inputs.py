@@ -84,8 +84,8 @@ def _remember(files: dict[str, Identity], name: str, identity: Identity) -> None
     if files.setdefault(name, identity) != identity:
         raise InputError.in_file(
             name,
-            "changed after it was read; wait until the program that writes it is done, then run"
-            " the command again (in Python, load the flight file again)",
+            "the file changed after it was read; wait until the program that writes it has ended, "
+            "then run the command again (in Python, load the flight file again)",
         )
 
 

@@ -187,7 +187,7 @@ def other_results(
     try:
         hashes = set(dict(read_object(document, is_replaced=True)[INPUTS_KEY]).values())
     except (ValueError, KeyError, TypeError):
-        return f"{document} exists and does not say from which measurements it was made"
+        return f"{document} exists and does not state from which measurements it was made"
     files = [file for file in measured if file.is_file()]
     foreign = [file for file in files if sha256(file) not in hashes]
     if not foreign or (one_is_enough and len(foreign) < len(files)):

@@ -28,7 +28,7 @@ Columns = tuple[str, ...] | Mapping[str, str] | None
 LONGEST_TOML = 1_000_000  # characters: no file of settings has as many
 # characters of a name and of a path: what file systems take at most
 LONGEST_FILE_NAME, LONGEST_PATH = 255, 4000
-NESTED = f"tables or lists within each other (limit {DEEPEST_NESTING}); write them flat"
+NESTED = f"nested tables or lists (limit {DEEPEST_NESTING}); write them without nesting"
 _DOTTED = re.compile(r"[^=#]*")
 _TYPE_NAMES = {
     bool: "true/false",
@@ -118,9 +118,9 @@ class OptionTable:
                 advice = near(key, own_keys)
                 if 0 < len(homes) < 3:
                     advice = (
-                        f"it belongs into {' or '.join(f'[{home}]' for home in homes)}"
+                        f"this key belongs in {' or '.join(f'[{home}]' for home in homes)}"
                         if homes[0]
-                        else "it belongs to the top, before the first [table]"
+                        else "this key belongs at the top, before the first [table]"
                     )
                 raise self.error(key, f"unknown {'key' if self.name else 'table or key'}; {advice}")
 
@@ -232,7 +232,7 @@ class OptionTable:
         longest = max(len(step) for step in re.split(r"[/\\]", text))
         if longest > LONGEST_FILE_NAME or len(text) > LONGEST_PATH or "\0" in text:
             shown = f"{text[:40]!r}..., {len(text)} characters"
-            raise InputError.in_file(self.path, f"{shown}, is no path of a file; correct it")
+            raise InputError.in_file(self.path, f"{shown}, is not a valid file path; correct it")
         return self.source(key).path.parent / name
 
     def file(self, key: str) -> Path:
@@ -245,7 +245,7 @@ class OptionTable:
             remedy = f"the path is relative to {self.source(key).path.name}"
             slashed = name.replace("\\", "/")
             if slashed != name and self.resolve(slashed).is_file():
-                remedy = f"{slashed} does: write paths with /, which every system reads"
+                remedy = f"{slashed} exists: write paths with /, which every system reads"
             raise self.error(key, f"{name} does not exist; {remedy}")
         if path.stat().st_size == 0:
             raise self.error(key, f"{name} is empty; copy the recording again")
@@ -265,7 +265,7 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> OptionTable:
         text = read_text(path, "utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError.in_file(
-            path, f"not UTF-8 at byte {error.start}; save it as UTF-8"
+            path, f"byte {error.start} is not UTF-8; save the file as UTF-8"
         ) from None
     return table_of_text(path, text, keys)
 
@@ -286,7 +286,9 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         wrote.
     """
     if len(text) > LONGEST_TOML:
-        problem = f"{len(text)} characters (limit {LONGEST_TOML}); is it a file of settings?"
+        problem = (
+            f"{len(text)} characters are too many for a file of settings (limit {LONGEST_TOML})"
+        )
         raise InputError.in_file(path, problem)
     for number, line in enumerate(lines_of(text), 1):
         if (

@@ -242,7 +242,7 @@ def parse_quantity(text: object, dimension: str) -> float:
         raise InputError(f"{text!r} does not start with a number; {example}")
     value, unit_text = float(match.group(1)), _plain(text[match.end() :])
     if not math.isfinite(value) or (value == 0.0 and not spells_zero(match.group(1))):
-        raise InputError(f"{text!r} is beyond the numbers of this machine; {example}")
+        raise InputError(f"{text!r} is too large or too small a number; {example}")
     if not unit_text.strip():
         if expected.exponents != UNITS["1"].exponents:
             raise InputError(f"{text!r} has no unit; {example}")
@@ -252,7 +252,7 @@ def parse_quantity(text: object, dimension: str) -> float:
         raise InputError(f"{text!r} is of dimension {unit.dimension}; {example}")
     if not (value == 0.0 or SMALLEST_UNIT < abs(value * unit.scale) < LARGEST_UNIT):
         raise InputError(
-            f"{text!r} is beyond {SMALLEST_UNIT:g} to {LARGEST_UNIT:g} in SI; {example}"
+            f"{text!r} is outside of {SMALLEST_UNIT:g} to {LARGEST_UNIT:g} in SI units; {example}"
         )
     return value * unit.scale
 
@@ -315,6 +315,6 @@ def time_zone(name: str) -> tzinfo:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError) as error:
         raise UsageError(
-            f"time zone {name!r} is none that this machine knows; give a name such as"
-            ' "Europe/Zurich" or an offset such as "+02:00"'
+            f'time zone {name!r} is unknown to this computer; give a name such as "Europe/Zurich" '
+            'or an offset such as "+02:00"'
         ) from error

@@ -105,7 +105,8 @@ def check_unpacked(
             f" {_in_gigabytes(limit)}{packed_note})"
         )
         advice = (
-            f"where its source is trusted, set {UNPACKED_GB}={sufficient_gb} in the environment"
+            f"if you trust the source of the file, set {UNPACKED_GB}={sufficient_gb} in the "
+            "environment"
         )
         raise InputError.in_file(path, f"{problem}; {advice}")
     free_bytes = available()
@@ -231,7 +232,7 @@ def _inflate(data: bytes, stream: _Bounded) -> None:
     while offset < len(data):
         if not data.startswith(GZIP if gzipped else BZIP2, offset):
             if data[offset:].strip(b"\0"):
-                raise ValueError("bytes follow its end that do not belong to it")
+                raise ValueError("bytes that do not belong to the file follow its end")
             return
         member = zlib.decompressobj(31) if gzipped else bz2.BZ2Decompressor()
         while not member.eof:
@@ -260,7 +261,7 @@ def _unpack_zip(path: object, data: bytes) -> bytes:
 
 def _unpack_compress(path: object, data: bytes) -> bytes:
     """Return the bytes of a file that `compress` packed (.Z)."""
-    problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack it; {DOCTOR}"
+    problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack the file; {DOCTOR}"
     with installed(problem, path):
         import ncompress
     return _gathered(path, data, partial(ncompress.decompress, data))

@@ -102,7 +102,8 @@ class Estimate:
     prior : float
         Its a-priori standard deviation, or how well such constants are known otherwise.
     moves_m : float or None
-        How far its sigma moves the fixes, m; None for an error of the IMU.
+        How far its sigma moves the fixes, m, of a clock rate the last against the first; None for
+        an error of the IMU.
     requested : bool
         Whether the flight file asks for it; what the innovations led to is weighed by the check
         that says so.

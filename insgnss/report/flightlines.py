@@ -88,20 +88,28 @@ def _mean_course(course: Array) -> float:
     return math.atan2(float(np.sin(course).sum()), float(np.cos(course).sum()))
 
 
+def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
+    """Return the standard deviations of the images: position (n, 3) m and psi (n, 3) rad.
+
+    The axes are those of the tangent plane, east, north, up.
+    """
+    sigma = np.sqrt(np.maximum(np.diagonal(eo.cov, axis1=1, axis2=2), 0.0))
+    return sigma[:, :3], sigma[:, 3:]
+
+
 def line_figures(run: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
     """Return one row a line: time, course, length, images, and median sigmas.
 
     The median is over the images, without images over the line.
     """
     turned = np.unwrap(run.rpy[:, 2])
-    exposed = np.zeros(run.time.size, dtype=bool)
-    exposed[run.event] = eo is not None
+    of_images = np.zeros((0, 6)) if eo is None else np.hstack(image_sigmas(eo))
     rows = []
     for number, line in enumerate(flight_lines(run, eo), 1):
-        of_line = np.arange(line.first, line.last + 1)
-        epochs = of_line[exposed[of_line]] if exposed[of_line].any() else of_line
-        sigma = run.smoothed_sigma[epochs]
-        tilt = np.max(sigma[:, 6:8], axis=1)
+        sigma = of_images[line.image : line.next_image]
+        if not len(sigma):
+            sigma = np.delete(run.smoothed_sigma[line.first : line.last + 1], [3, 4, 5], axis=1)
+        tilt = np.max(sigma[:, 3:5], axis=1)
         step = run.position[line.last] - run.position[line.first]
         count = line.next_image - line.image
         rows.append(
@@ -117,7 +125,7 @@ def line_figures(run: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[
                 "horizontal_mm": 1e3 * float(np.median(np.hypot(sigma[:, 0], sigma[:, 1]))),
                 "down_mm": 1e3 * float(np.median(sigma[:, 2])),
                 "tilt_deg": math.degrees(float(np.median(tilt))),
-                "heading_deg": math.degrees(float(np.median(sigma[:, 8]))),
+                "heading_deg": math.degrees(float(np.median(sigma[:, 5]))),
                 "turned_before_deg": math.degrees(float(np.ptp(turned[: line.first + 1]))),
                 "turned_after_deg": math.degrees(float(np.ptp(turned[line.last :]))),
             }

@@ -38,10 +38,9 @@ from .charts.encoded import packed
 from .charts.run import charts, track_rows
 from .coverage import outages, segments
 from .document import Document, Section
-from .flightlines import flight_lines
+from .flightlines import flight_lines, image_sigmas
 from .rules.wording import local_zone
 from .sections import made_from
-from .summary import image_sigmas
 from .verdict import run_verdict
 
 FLAGS = (

@@ -34,7 +34,7 @@ def three(values: Sequence[float | None] | None, form: str) -> str:
 
 def limits(summary: Summary) -> Section:
     """Remarks on the flight but for the reasons of the verdict, the most important first."""
-    reasons = summary["use"]["reasons"]
+    reasons, topics = summary["use"]["reasons"], summary["use"]["topics"]
     outages = [
         cause
         for outage in summary["outages"]
@@ -43,7 +43,8 @@ def limits(summary: Summary) -> Section:
     listed = [
         ranked(remark["topic"], remark["rank"], remark["text"], remark["help"])
         for remark in summary["limits"]
-        if remark["topic"] not in summary["use"]["topics"]
+        if remark["topic"] not in topics
+        and remark["text"].partition(": ")[0] not in topics  # the name of a check
         and not any(remark["text"].partition(" (expected: ")[0] in reason for reason in reasons)
         and not any(cause in remark["text"] for cause in outages)
     ]

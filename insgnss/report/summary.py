@@ -19,7 +19,7 @@ from ..geodesy.rotation import rpy_from_rotation
 from ..records import Array, Diagnostics, Estimate, ExteriorOrientation
 from .charts.gnss import VALIDATED_CODES
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
-from .flightlines import flight_lines, line_figures
+from .flightlines import flight_lines, image_sigmas, line_figures
 from .rules.hidden import hidden
 from .rules.needs import stated_need
 from .rules.use import JudgedPlaces, use
@@ -120,6 +120,7 @@ def run_summary(
     gps_week: int | None = None,
     heading_with_antennas_deg: float | None = None,
     heading_with_sensors_deg: Mapping[str, float] | None = None,
+    exposure_sigma_s: float | None = None,
 ) -> dict[str, Any]:
     """All figures of merit of a run, ready for JSON.
 
@@ -138,9 +139,12 @@ def run_summary(
     heading_with_antennas_deg : sigma of the images' headings, median, that two antennas would have
         left in this flight; None where it was not tried.
     heading_with_sensors_deg : likewise, by name, of those among other sensors that would help.
+    exposure_sigma_s : standard deviation of the exposures' stamps, median; None: none that matters.
     """
     week = gps_week if eo is None else eo.gps_week
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo, week)
+    if eo is not None and exposure_sigma_s is not None and figures["exposures"] is not None:
+        figures["exposures"]["stamps"] = _stamps(eo, exposure_sigma_s)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
     figures["line_fixes"] = fixes_of_lines(diagnostics, eo, series)
     figures |= {
@@ -242,15 +246,6 @@ def _counts(run: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
     return counts
 
 
-def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
-    """Return the standard deviations of the images: position (n, 3) m and psi (n, 3) rad.
-
-    The axes are those of the tangent plane, east, north, up.
-    """
-    sigma = np.sqrt(np.maximum(np.diagonal(eo.cov, axis1=1, axis2=2), 0.0))
-    return sigma[:, :3], sigma[:, 3:]
-
-
 def _min_median_max(x: Array) -> dict[str, Array]:
     """Return smallest, median and largest of each column."""
     return {"min": x.min(axis=0), "median": np.median(x, axis=0), "max": x.max(axis=0)}
@@ -278,6 +273,24 @@ def _exposures(run: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
     figures["heading_range_before_first_deg"] = (
         math.degrees(np.ptp(heading_before)) if heading_before.size else 0.0
     )
+    return figures
+
+
+def _stamps(eo: ExteriorOrientation, sigma_s: float) -> dict[str, float]:
+    """Return the sigma of the exposures' stamps, the path flown in it, m, and its share of the
+    variances of position and attitude; medians over the images.
+    """
+    figures = {"sigma_s": sigma_s}
+    for name, rate, block in (
+        ("position", eo.velocity_mps, slice(0, 3)),
+        ("attitude", eo.rate_radps, slice(3, 6)),
+    ):
+        if rate is not None:
+            variance = np.trace(eo.cov[:, block, block], axis1=1, axis2=2)
+            moved = sigma_s * np.linalg.norm(rate, axis=1)
+            figures[f"{name}_share"] = float(np.median(moved**2 / variance))
+            if name == "position":
+                figures["path_m"] = float(np.median(moved))
     return figures
 
 

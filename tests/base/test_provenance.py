@@ -61,7 +61,7 @@ def test_a_document_that_does_not_say_is_refused(tmp_path: Path, text: str) -> N
     (tmp_path / "report.json").write_text(text, encoding="latin-1")
     reason = other_results(tmp_path / "report.json", [])
     assert reason is not None
-    assert reason.endswith("does not say from which measurements it was made")
+    assert reason.endswith("does not state from which measurements it was made")
 
 
 def test_what_is_made_is_told_by_paths_and_hashes_before_it_is_moved(tmp_path: Path) -> None:

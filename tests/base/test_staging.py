@@ -465,7 +465,7 @@ def test_what_cannot_be_put_back_is_kept_and_named(root: Path) -> None:
 
         patch.setattr(os, "replace", failing)
         with pytest.raises(
-            UsageError, match=r"not all earlier files could be put back.* in .*insgnss-kept-"
+            UsageError, match=r"some earlier files could not be restored .* in .*insgnss-kept-"
         ):
             move(root)
     sweep(root)

@@ -69,7 +69,7 @@ def test_scales_are_those_of_scipy_constants():
         (100.0, "has no unit; angle time\\^-1 is expected, as in '1 deg/h'"),
         ("deg/h", "does not start with a number"),
         ("nan deg/h", "does not start with a number"),
-        ("1e999 deg/h", "beyond the numbers"),
+        ("1e999 deg/h", "is too large or too small"),
         ("100 degs/h", "unknown unit 'degs'; did you mean 'deg'"),
         ("100 xyzzy", "unknown unit 'xyzzy'; known are"),
         ("2 mg", "is of dimension length time\\^-2; angle time\\^-1 is expected, as in '1 deg/h'"),

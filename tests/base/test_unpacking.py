@@ -112,7 +112,7 @@ def test_what_is_cut_is_refused(pack: object) -> None:
         with pytest.raises(InputError, match=r"^x: cannot be unpacked: .*; copy it again"):
             unpacking.unpack("x", whole[:size])
     if pack is not zipped:
-        with pytest.raises(InputError, match="bytes follow its end"):
+        with pytest.raises(InputError, match="bytes that do not belong to the file"):
             unpacking.unpack("x", whole + b"more")
 
 

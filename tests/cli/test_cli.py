@@ -439,7 +439,7 @@ def test_a_geoid_is_found_beside_where_one_stands(master, tmp_path, capsys, monk
 def test_a_crs_of_another_place_is_told(master, capsys):
     """Oracle: the area of use of EPSG:32732 in the registry, which is south of the equator."""
     assert main(["export", str(master), "metashape", "--crs", "EPSG:32732", "-q"]) == 0
-    assert "1 of 1 images lie outside: is it the right CRS?" in capsys.readouterr().out
+    assert "1 of 1 images lie outside of the area of" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -482,7 +482,7 @@ def test_two_images_of_one_name_are_bad_input(tmp_path, capsys):
     )
     write_eo_json(eo, tmp_path / "eo.json")
     assert main(["export", str(tmp_path / "eo.json"), "opensfm", "-q"]) == 3
-    assert "image 'a.tif' stands 2 times" in capsys.readouterr().err
+    assert "image 'a.tif' occurs 2 times" in capsys.readouterr().err
 
 
 def test_export_takes_the_directory_of_a_run(master, capsys):

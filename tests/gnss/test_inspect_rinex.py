@@ -88,7 +88,7 @@ def test_what_is_missing_is_named(flown, capsys):
     assert "a navigation file" in json.loads(capsys.readouterr().out)["missing"]
     (flown / "r.18o").unlink()
     result = inspect_files([flown])
-    assert "observations of one receiver alone" in result.missing
+    assert "the observations are of one receiver" in result.missing
     assert result.refusal.exit_code == 4
 
 

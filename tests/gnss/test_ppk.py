@@ -695,9 +695,9 @@ def test_a_file_that_is_not_there_is_named_by_its_option(option, tmp_path):
         ("ppm = -1\n", 1, "from 0 to 1000"),
         ("[scale]\nflaot = 3\n", 2, "did you mean 'float'"),
         ("\ngate = 'x'\n", 2, "must be a number"),
-        ("# mine\n[gnss.covariance]\nppm = 2\n", 2, "its keys stand at the top"),
-        ("[covariance]\nppm = 2\n", 1, "its keys stand at the top"),
-        ("\ngnss.covariance.ppm = 2\n", 2, "its keys stand at the top"),
+        ("# mine\n[gnss.covariance]\nppm = 2\n", 2, "write its keys at the top"),
+        ("[covariance]\nppm = 2\n", 1, "write its keys at the top"),
+        ("\ngnss.covariance.ppm = 2\n", 2, "write its keys at the top"),
     ],
 )
 def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, what):

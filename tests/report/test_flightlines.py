@@ -56,13 +56,13 @@ def test_a_step_of_time_ends_a_line(block) -> None:
 
 def test_with_images_the_lines_are_those_that_have_some(block, eo) -> None:
     """Oracle: by hand; images at 65 to 75 s only, all on the third line, whose sigmas are then
-    those of these rows.
+    those of the images, and not those of the trajectory below them.
     """
     d = block()
-    sigma = d.smoothed_sigma.copy()
-    sigma[650:750, 8] = np.radians(0.5)
-    images = dataclasses.replace(eo(), time=START + 65.0 + np.arange(30) / 3.0)
-    d = block(smoothed_sigma=sigma, event=np.searchsorted(d.time, images.time - 1e-6))
+    cov = eo().cov.copy()
+    cov[:, 5, 5] = np.radians(0.5) ** 2
+    images = dataclasses.replace(eo(), cov=cov, time=START + 65.0 + np.arange(30) / 3.0)
+    d = block(event=np.searchsorted(d.time, images.time - 1e-6))
     (row,) = line_figures(d, images)
     assert (row["images"], row["first_image"], row["last_image"]) == (30, "8001.tif", "8030.tif")
     assert row["start_s"] - START == pytest.approx(60, abs=HALF_S)

@@ -1,12 +1,14 @@
 """Which images can be used, for which need, and the reason in words."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from insgnss.records import Check, MeanResidual, TimeCorrelatedError
 from insgnss.report.rules.needs import NEEDS
+from insgnss.report.sections import limits
+from insgnss.report.summary import run_summary
 from insgnss.report.verdict import run_verdict
 
 FLIGHT = {"output": {"need": None, "need_m": None, "need_deg": None}}
@@ -67,7 +69,7 @@ def test_one_fault_of_several_images_is_one_sentence(diagnostics, eo, summary) -
     for k in (2, 5, 6):
         cov[k, 5, :] *= 30.0
         cov[k, :, 5] *= 30.0
-    use = summary(diagnostics(), dataclasses.replace(orientation, cov=cov))["use"]
+    use = summary(diagnostics(), replace(orientation, cov=cov))["use"]
     names = [orientation.images[k] for k in (2, 5, 6)]
     assert use["images"] == names
     (reason,) = use["reasons"]
@@ -160,3 +162,60 @@ def test_without_a_camera_the_trajectory_is_judged(diagnostics, summary) -> None
 def test_every_reason_ends_without_full_stop(diagnostics, eo, summary, scale: float) -> None:
     """Oracle: the page puts it."""
     assert not run_verdict(summary(diagnostics(scale), eo()))[1].endswith(".")
+
+
+def test_coarse_stamps_of_exposures_are_the_cause_of_what_they_cause(diagnostics, eo) -> None:
+    """Oracle: by hand: 0.05 s at 10 m/s are 0.5 m; of a tilt that turns at 2 deg/s 0.1 deg. Stamps
+    of a millisecond are no cause.
+    """
+
+    def judged(sigma_s: float) -> dict:
+        velocity, rate = np.tile([10.0, 0, 0], (30, 1)), np.tile([np.radians(2.0), 0, 0], (30, 1))
+        cov = eo().cov.copy()
+        cov[:, 0, 0] += (10.0 * sigma_s) ** 2
+        cov[:, 3, 3] += (np.radians(2.0) * sigma_s) ** 2
+        images = replace(eo(), cov=cov, velocity_mps=velocity, rate_radps=rate)
+        return run_summary(
+            diagnostics(), images, {"name": "f"}, {}, {}, {}, (), exposure_sigma_s=sigma_s
+        )
+
+    coarse, fine = judged(0.05), judged(0.001)
+    assert fine["use"]["verdict"] == "use"
+    (reason,) = coarse["use"]["reasons"]
+    assert "the exposures' stamps are known to 0.05 s only, 500 mm along the path" in reason
+    assert "tilt" not in [limit["topic"] for limit in coarse["limits"]]
+
+
+@pytest.mark.parametrize(
+    ("name", "left_out", "adopted"),
+    [("GNSS sigmas", 0, True), ("incorrect fixes", 0, True), ("incorrect fixes", 9, False)],
+)
+def test_fixes_with_other_sigmas_do_not_fit_their_stated_ones(
+    diagnostics, name, left_out, adopted
+) -> None:
+    """Oracle: by hand: what is left out enlarges no other sigma."""
+    used = np.arange(1200) >= left_out
+    check = Check(name, "larger", "as stated", "note", "look")
+    headline = run_summary(diagnostics(used=used, checks=(check,)), None, {}, {}, {}, {}, ())[
+        "headline"
+    ]
+    assert ("fit the accuracies adopted for them" in headline) is adopted
+    assert ("their stated accuracies" in headline) is not adopted
+
+
+def test_fixes_that_stand_apart_are_the_cause_in_their_span(diagnostics, eo, summary) -> None:
+    """Oracle: by hand: the span holds the weak images or none of them; the remark that says the
+    same is left out of the page.
+    """
+    orientation = eo()
+    cov = orientation.cov.copy()
+    cov[4:8, 0, 0] = 0.2**2
+    images = replace(orientation, cov=cov)
+    for begin, named in ((images.time[0], True), (images.time[12], False)):
+        check = Check("incorrect fixes", "they stand apart", "one level", "note", "look at them")
+        check = replace(check, spans_s=((float(begin), float(begin) + 20.0),))
+        s = summary(diagnostics(checks=(check,)), images)
+        (reason,) = s["use"]["reasons"]
+        assert ("they stand apart; look at them, and give" in reason) is named
+        remarks = [*limits(s).parts, *limits(s).more]
+        assert ("incorrect fixes" in str(remarks)) is not named

@@ -14,10 +14,12 @@ from insgnss.navigation.diagnosis.variances import SHARES, SLOW_S
 from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.cameras.mounting import boresight_from_angles
 from insgnss.records.states import OF_LEVER_ARM, SCALE_FACTOR, TIME_OFFSET, State
+from insgnss.report.rules.fixes import time_correlated
 from insgnss.report.rules.verdict import (
     MOST_SENTENCES,
     NOTHING_STANDS_OUT,
     USUAL_SHARE,
+    _if_clocks_drift,
     _if_usual,
 )
 from insgnss.report.sections import limits
@@ -90,14 +92,21 @@ def test_headline_says_what_slow_errors_of_usual_size_leave(seed) -> None:
 
 
 @pytest.mark.parametrize(
-    ("time_s", "stated", "said"),
-    [(75.0, "auto", True), (310.0, "auto", False), (75.0, 0.5, False)],
+    ("time_s", "share", "stated", "said"),
+    [
+        (75.0, 1.1, "auto", "40.0 / 53.0 / 60.0 mm"),
+        (75.0, 0.9, "auto", "63.2 / 83.8 / 94.9 mm"),
+        (310.0, 0.9, "auto", ""),
+        (75.0, 0.9, 0.5, ""),
+    ],
 )
-def test_headline_says_what_slower_errors_of_the_same_rate_leave(time_s, stated, said) -> None:
-    """Oracle: by hand: of c^2 / T alone, 20 mm over 75 s are 40 mm over 300 s; nothing is said of
-    errors that last as long already, or that the flight file states.
+def test_headline_says_what_slower_errors_leave(time_s, share, stated, said) -> None:
+    """Oracle: by hand: of c^2 / T alone, 20 mm over 75 s are 40 mm over 300 s, and 63 mm with 2.5
+    times the rate where the flight hardly shows it; nothing is said of errors that last as long
+    already, or that the flight file states.
     """
     error = {"time_s": time_s, "fixes": 3000, "sigma_m": [0.0265, 0.02, 0.03]}
+    error["share"] = [share] * 3
     figures = {
         "flight": {"gnss": {"gm_sigma": stated}},
         "innovations": {"median_sigma_mm": [20.0, 20.0, 30.0]},
@@ -105,10 +114,40 @@ def test_headline_says_what_slower_errors_of_the_same_rate_leave(time_s, stated,
     }
     claim = {"axes": ["E", "N", "U"], "position_mm": {"median": [20.0, 26.5, 30.0]}}
     text = _if_usual(figures, claim)
-    assert bool(text) is said
+    assert bool(text) is bool(said)
     if said:
         assert "this holds for GNSS errors with a correlation time of 75 s; with 300 s" in text
-        assert "40.0 / 53.0 / 60.0 mm" in text
+        assert said in text
+
+
+@pytest.mark.parametrize(
+    ("observed", "requested", "speed_mps", "said"),
+    [
+        (False, False, 15.0, "63.0 mm"),
+        (True, False, 15.0, ""),
+        (False, True, 15.0, ""),
+        (False, False, 1.0, ""),
+    ],
+)
+def test_headline_says_what_free_clocks_leave(observed, requested, speed_mps, said) -> None:
+    """Oracle: by hand: 50 ppm over 84 s are 4.2 ms, 63 mm at 15 m/s; nothing is said where the
+    flight tells the rate, where its file asks for it, or of 4 mm beside 15.
+    """
+    rate = {"name": "GNSS clock rate", "sigma": 1e-5, "moves_m": 1e-5 * 84.0 * speed_mps}
+    rate |= {"observed": observed, "requested": requested}
+    claim = {"position_mm": {"median": [12.0, 15.0, 15.0]}}
+    text = _if_clocks_drift({"states": [rate]}, claim)
+    assert bool(text) is bool(said)
+    assert said in text
+
+
+@pytest.mark.parametrize(("share", "stands_out"), [(0.3, False), (0.5, True)])
+def test_a_slow_error_that_no_flight_shows_is_a_remark(share, stands_out) -> None:
+    """Oracle: definition: of rank one or more is what is no remark."""
+    error = {"time_s": 80.0, "fixes": 3000, "share": [share] * 3, "sigma_m": [0.01] * 3}
+    figures = {"neighbours": None, "counts": {"fixes": 3000}, "time_correlated_errors": [error]}
+    (limit,) = time_correlated(figures)
+    assert (limit.rank >= 1.0) is stands_out
 
 
 def test_headline_counts_images_that_are_far_worse_than_the_rest(diagnostics, eo) -> None:

@@ -35,6 +35,8 @@ class Finding:
         The numbers behind it.
     topic : str
         Which part of what was looked at it belongs to.
+    spans_s : tuple of (float, float)
+        First and last instant of each time that it concerns, s; empty: all.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Finding:
     confidence: float = 1.0
     evidence: str = ""
     topic: str = ""
+    spans_s: tuple[tuple[float, float], ...] = ()
 
     @property
     def advice(self) -> str:
@@ -78,7 +81,7 @@ class Finding:
             "verdict": self.verdict,
             "advice": self.advice,
             "beyond_chance": self.beyond_chance,
-        }
+        } | ({"spans_s": self.spans_s} if self.spans_s else {})
 
 
 def check_lines(findings: Sequence[Finding]) -> list[str]:

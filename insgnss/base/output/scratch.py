@@ -147,8 +147,8 @@ def _wait_for(descriptor: int, directory: str) -> None:
         except BlockingIOError:
             if time.monotonic() > deadline:
                 raise UsageError(
-                    f"{directory}: another run has been moving its files there for"
-                    f" {MOST_WAIT_S:.0f} s; wait for it, or give another directory"
+                    f"{directory}: another run has been moving its files there for "
+                    f"{MOST_WAIT_S:.0f} s; wait until that run ends, or give another directory"
                 ) from None
             time.sleep(0.01)
         except OSError:  # a file system without locks

@@ -250,8 +250,8 @@ class Staging:
                 scratch.keep()
             kept = ", ".join(str(scratch.path) for scratch in self.scratch.values())
             raise UsageError(
-                f"{message}; and not all earlier files could be put back: {second.strerror}:"
-                f" they are in {kept}"
+                f"{message}; some earlier files could not be restored ({second.strerror}) and are "
+                f"kept in {kept}"
             ) from None
         if isinstance(error, OSError):
             raise UsageError(f"{message}; all files are as they were") from None

@@ -106,7 +106,7 @@ def refuse_unfinished(path: Path) -> None:
     if is_unfinished(path):
         raise InputError.in_file(
             path,
-            f"a run was killed while it moved its files into {path.absolute().parent}, so that"
-            " this file may be older than those beside it; run that command again. Where you know"
-            f" that the files belong together, delete {UNFINISHED_MARK} there",
+            f"a run was killed while it moved its files into {path.absolute().parent}, so this "
+            "file may be older than those beside it; run that command again, or, if the files are "
+            f"of one run, delete {UNFINISHED_MARK} there",
         )

@@ -30,5 +30,5 @@ def refuse_outside(file: Path, key: str, goals: Iterable[Path]) -> None:
     for goal in goals:
         if not inside(goal, home):
             problem = f"{key}: {os.path.realpath(goal)} is outside of {os.path.realpath(home)}"
-            advice = f"to have the products written there, give --out {goal} (out= in Python)"
+            advice = f"give --out {goal} (out= in Python) if the products shall be written there"
             raise InputError.at_line(file, line_of_key(file, key), f"{problem}; {advice}")

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
+from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -74,11 +75,13 @@ def at_home(function: Callable[Parameters, Result]) -> Callable[Parameters, Resu
         Its first argument is a path, or an object with the path of the file that it was read from.
     """
 
+    parameters = signature(function)
+
     @wraps(function)
     def trusted(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         if _HOMES.get():
             return function(*args, **kwargs)
-        first: Any = args[0] if args else next(iter(kwargs.values()))
+        first: Any = next(iter(parameters.bind(*args, **kwargs).arguments.values()))
         with trusting([getattr(first, "path", first)]):
             return function(*args, **kwargs)
 
@@ -101,8 +104,8 @@ def instead(path: object) -> str:
     """Return what a message says of a hidden file."""
     directory = os.path.dirname(os.path.realpath(str(path)))
     return (
-        f"has an error; nothing of it is shown, as the file is outside of {_HOMES.get()[0]}; if you"
-        f" trust it, set {SHOWN_VARIABLE}={directory} in the environment to see the error"
+        f"has an error, which is not shown because the file is outside of {_HOMES.get()[0]}; if "
+        f"you trust the file, set {SHOWN_VARIABLE}={directory} in the environment to see the error"
     )
 
 

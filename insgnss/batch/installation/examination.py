@@ -79,7 +79,10 @@ def _shipped_findings(shipped: dict[str, Any]) -> list[Finding]:
         return [question.ok(origin)]
     advice = f"pip install llvmlite=={version}, if this computer's processor is a {name}"
     return [
-        question.note(f"{origin}, not used here: the first run compiles the kernels anew", advice)
+        question.note(
+            f"kernels {origin}, not used here; the first run compiles them",
+            advice,
+        )
     ]
 
 
@@ -90,11 +93,11 @@ def _cache_finding(kernel: Any) -> Finding:
     path = getattr(getattr(kernel, "_cache", None), "cache_path", None)
     if path is None:
         advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS_AT} to a directory that you can write"
-        value = "none: kernels are interpreted, or compiled anew by every command"
+        value = "no cache: every command interprets the kernels or compiles them anew"
         return cache.note(value, advice)
     if _writable(Path(path)):
         return cache.ok(f"{path}{origin}, writable")
-    advice = f"set {KERNELS_AT} to a directory that is kept and that you can write"
+    advice = f"set {KERNELS_AT} to a permanent directory that you can write"
     return cache.note(f"{path}{origin} cannot be written", advice)
 
 
@@ -115,9 +118,8 @@ def grid_findings() -> list[Finding]:
     counts = {directory: sum(1 for _ in _grids(directory)) for directory in directories}
     held = ", ".join(f"{count} in {directory}" for directory, count in counts.items())
     get = (
-        "grids are needed for heights above sea level and datum shifts only: `pyproj sync --file"
-        " NAME` downloads the grid that a message names, `pyproj sync --bbox"
-        " WEST,SOUTH,EAST,NORTH` all grids of an area"
+        "grids are needed only for heights above sea level and datum shifts; `pyproj sync --file "
+        "NAME` downloads one grid, `pyproj sync --bbox WEST,SOUTH,EAST,NORTH` all grids of an area"
     )
     network = (
         "on: PROJ may download grids during a run; set PROJ_NETWORK=OFF for results that do not"
@@ -147,13 +149,10 @@ def engine_finding() -> Finding:
     try:
         command = engine_command()
     except InsgnssError as error:
-        advice = (
-            f"{error}; only `insgnss ppk` and flight files with raw GNSS observations need a PPK"
-            " engine, all else works without"
-        )
+        advice = f"{error}; only `insgnss ppk` and flights with raw GNSS observations need it"
         return engine.note("none", advice)
     if command[0] != sys.executable:
-        return engine.ok(f"{command[0]}; its version is known only after its first solution")
+        return engine.ok(f"{command[0]}; the version is known only after the first solution")
     return engine.ok(f"{MODULE} {metadata.version(MODULE)} (RTKLIB as a wheel)")
 
 
@@ -245,9 +244,8 @@ class Examination:
         count = Counter(f.verdict for f in self.findings)
         result = "does not work here" if self.refusal else "works here"
         last = (
-            f"insgnss {result}; of {len(self.findings)} lines {count['ok']} ok,"
-            f" {count['note']} of notes, {count['unknown']} not known,"
-            f" {count['contradiction']} wrong"
+            f"insgnss {result}; {len(self.findings)} lines: {count['ok']} ok, {count['note']} "
+            f"notes, {count['unknown']} unknown, {count['contradiction']} wrong"
         )
         return "\n".join([*lines, last])
 
@@ -291,7 +289,7 @@ def examine(progress: Callable[[str], None], compiling: bool = False) -> Examina
     findings += package_findings()
     if compiling:
         findings += _guarded("kernels", lambda: _compiled(progress))
-    progress("compiled kernels; to compile them for the first time takes up to a minute")
+    progress("compiled kernels; the first compilation takes up to a minute")
     findings += _guarded("kernels", _core)
     progress("grids and engine")
     findings += _guarded("grids", grid_findings)

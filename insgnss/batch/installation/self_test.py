@@ -75,9 +75,9 @@ class SelfTest:
             f" {self.seconds:.1f} s"
         )
         advice = (
-            "no result of this installation can be trusted: set NUMBA_CACHE_DIR to an empty"
-            " directory and try again; if that does not help, install other versions of numba and"
-            " numpy"
+            "do not trust any result of this installation; set NUMBA_CACHE_DIR to an empty "
+            "directory and try again; if the difference stays, install other versions of numba "
+            "and numpy"
         )
         strapdown = Question("strapdown", topic="self-test")
         return strapdown.contradiction(numbers, advice, when=not self.passed)

@@ -108,11 +108,11 @@ class ArchiveResult:
                 lines.append(f"{where}: made again, the same byte for byte")
             lines += [f"{where}: note: {note}" for note in run.notes]
         lines += [
-            f"{relative(path, self.directory)}: no JSON document says from which inputs it was made"
+            f"{relative(path, self.directory)}: no JSON document states the inputs of this product"
             for path in self.orphans
         ]
         lines += [
-            f"{relative(path, self.directory)}: no results yet; run insgnss process on it"
+            f"{relative(path, self.directory)}: no results yet; run insgnss process on this flight"
             for path in self.unprocessed
         ]
         reproduced = sum(not run.problems for run in self.runs)
@@ -146,7 +146,7 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
         It is no directory, or holds no result of insgnss.
     """
     if not directory.is_dir():
-        raise UsageError(f"archive: {directory} is no directory; give that of flights and results")
+        raise UsageError(f"archive: {directory} is no directory; give one of flights and results")
     documents, orphans = _documents_and_orphans(directory)
     if not documents and not orphans:
         raise UsageError(
@@ -292,7 +292,7 @@ def _other_versions(versions: Mapping[str, str]) -> Iterator[str]:
     for name, then in versions.items():
         now = None if name in ("insgnss", "python") else installed_version(name)
         if now not in (None, then):
-            yield f"{name} {now} is installed, it was {then}: last digits may differ"
+            yield (f"{name} {now} is installed, at the run it was {then}: last digits may differ")
 
 
 def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]:
@@ -311,8 +311,8 @@ def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]
         return []
     command = (content.get("run") or {}).get("command", "another command")
     return [
-        f"without further options the flight file gives other values of {', '.join(differing)}; the"
-        f" result was made by {command}"
+        f"the flight file alone gives other values of {', '.join(differing)}; the result was made "
+        f"by {command}, with further options"
     ]
 
 
@@ -323,7 +323,7 @@ def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
 
     hashes = content.get(DIGESTS_KEY) or {}
     if not hashes:
-        return ["made by a version that kept no hashes of its products; process it again"]
+        return ["made by a version without hashes of products; process the flight again"]
     outside = any(name.startswith("..") for name in hashes)  # the PPK solution, beside `PUBLISHED`
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "made" / (PUBLISHED if outside else "products")

@@ -36,7 +36,7 @@ RATIOS = {  # name and unit by column
     },
     "nis_ratio": ("NIS of position per degree of freedom", ""),
 }
-REMOUNTED = "find out what was remounted or bent since, and measure it anew"
+REMOUNTED = "check what was remounted or bent since the earlier flights, and measure it anew"
 
 
 def earlier_flights(flight: Flight, report: Mapping[str, Any]) -> dict[str, Any]:
@@ -176,6 +176,6 @@ def _biases(this_flight: Row, earlier: Sequence[Row]) -> list[dict[str, Any]]:
         )
         value = float(this_flight[column])
         differs = abs(value - usual) > max(float(spread), physical)
-        advice = "let the IMU warm up longer, and see whether the next flight has it, too"
+        advice = "let the IMU warm up longer, and check whether the next flight differs as well"
         comparisons.append(_figure(name, unit, value, usual, differs, advice))
     return comparisons

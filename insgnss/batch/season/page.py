@@ -23,9 +23,9 @@ PAGE_MARK = '<meta name="generator" content="insgnss batch">'
 """In the page, by which the next run knows that it may overwrite it."""
 TREND_INKS: tuple[Ink, ...] = ("first", "second", "third")
 TREND_CAPTION = (
-    "Each point is the constant as one flight alone determines it, its bar one standard deviation"
-    " up and down; the line is a weighted fit, dashed where the drift is not significant. Days"
-    " count from the season's first flight."
+    "Each point is the constant determined from one flight; its bar is one standard deviation up "
+    "and down. The line is a weighted fit, dashed where the drift is not significant. Days count "
+    "from the season's first flight."
 )
 
 
@@ -224,8 +224,8 @@ def _sigmas(rows: Sequence[Row]) -> Iterator[Chart]:
             panels.append(Panel(label, layers))
     if panels:
         reading = (
-            "Median standard deviations of the images of each flight, in the order of the table;"
-            " flights without images have none."
+            "Median standard deviations of the images of each flight, in the order of the table; "
+            "flights without images are missing."
         )
         yield Chart("season-sigmas", "Sigmas of the flights", reading, panels, "flight, number")
 

@@ -26,8 +26,8 @@ WORKER_POLL_S = 0.1  # between looks at the workers: one that reads fills some 0
 END_S = 5.0  # for a worker to remove what is half written, before it is killed
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 TRY = (
-    "process parts of the flight with start_tow and end_tow, lower output.trajectory_hz, or take a"
-    " machine with more memory"
+    "process the flight in parts (start_tow, end_tow), lower the trajectory rate "
+    "output.trajectory_hz, or take a machine with more memory"
 )
 
 
@@ -137,22 +137,23 @@ class _Worker:
         forecast = f"memory forecast {self.task.forecast_bytes / GB:.1f} GB"
         if self._ended and room:
             reason = (
-                f"memory: its process was stopped at {self._ended / GB:.2f} GB, although it ran"
-                f" alone and was allowed {room / GB:.2f} GB ({forecast}); {TRY}"
+                f"memory: the process of this flight was stopped at {self._ended / GB:.2f} GB; it "
+                f"ran alone with a limit of {room / GB:.2f} GB ({forecast}); {TRY}"
             )
         elif kills() > self._kills:
             had = f" (it had {self._most / GB:.2f} GB when last seen)" if self._most else ""
             limit = f", {room / GB:.2f} GB being allowed" if room else ""
             reason = (
-                f"memory: the system ended its process for lack of memory{had}{limit}, although it"
-                f" ran alone ({forecast}); {TRY}"
+                "memory: the system ended the process of this flight for lack of "
+                f"memory{had}{limit}; it ran alone ({forecast}); {TRY}"
             )
         else:
             reason = (
-                f"its process died again when it ran alone, {_exit_reason(self.process)}, and the"
-                f" system does not report a lack of memory as the cause ({forecast},"
-                f" {self._most / GB:.1f} GB when last seen): it was ended from outside, or"
-                f" compiled code crashed; run insgnss process {self.task.file} to see which"
+                "the process of this flight died again when it ran alone, "
+                f"{_exit_reason(self.process)}, and the system reports no lack of memory "
+                f"({forecast}, {self._most / GB:.1f} GB when last seen). It was ended from "
+                f"outside, or compiled code crashed; run insgnss process {self.task.file} to see "
+                "which"
             )
         return failed(self.task, reason, DataError.exit_code, time.monotonic() - self._since)
 

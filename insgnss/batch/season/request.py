@@ -31,15 +31,15 @@ class SeasonRequest(Checked):
 
     sources: tuple[str, ...] = argument(
         ...,
-        "directories, below which every flight.toml counts; patterns in quotation marks; flight "
-        "files; tables of flights: CSV with a column flight and, if wanted, name and out",
+        "flight files, directories (every flight.toml below them), patterns in quotation marks, "
+        "or CSV tables with the column flight and optional columns name and out",
         cli="FLIGHTS",
     )
     out: Path | None = argument(
         None,
-        "where season.csv and index.html go (default: the directory that is named alone, else the "
-        "working one); products go where each flight file says, or the column out of a table, below"
-        " the table or below DIR",
+        "directory of season.csv and index.html (default: the one directory given, otherwise the "
+        "working directory); the products of a flight go where its flight file or the column out "
+        "of the table says, below the table or below DIR",
         metavar="DIR",
     )
     workers: int | None = argument(
@@ -47,7 +47,8 @@ class SeasonRequest(Checked):
     )
     scheduler: str | None = argument(
         None,
-        "address of a Dask scheduler, tcp://HOST:8786, in place of this machine (needs Dask)",
+        "address of a Dask scheduler that runs the flights in place of this machine, "
+        "tcp://HOST:8786 (needs Dask)",
         metavar="ADDRESS",
     )
     again: bool = argument(False, "process also the flights whose products are up to date")

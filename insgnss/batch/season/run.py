@@ -162,7 +162,7 @@ def headline(outcomes: Sequence[Outcome]) -> str:
     images = sum(int(one.row.get("images") or 0) for one in outcomes)
     parts = [f"{count[JOB_DONE]} processed"]
     if count[JOB_KEPT]:
-        parts.append(f"{count[JOB_KEPT]} kept, whose inputs, options and version are the same")
+        parts.append(f"{count[JOB_KEPT]} kept, with unchanged inputs, options and version")
     if count[FAILED]:
         parts.append(f"{count[FAILED]} failed")
     if count[WAITING]:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 NEEDS_DASK = (
-    "batch --scheduler needs Dask, which is not installed: pip install 'insgnss[batch]', or leave"
-    f" --scheduler out, and this machine is enough; {DOCTOR}"
+    "batch --scheduler needs Dask, which is not installed: pip install 'insgnss[batch]', or leave "
+    f"--scheduler out to use this machine; {DOCTOR}"
 )
 REACHED_WITHIN_S = 10.0  # until a scheduler that does not answer counts as not there, or as lost
 WORKER_WAIT_S = 30.0  # for a first worker
@@ -69,8 +69,8 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
         client.wait_for_workers(1, timeout=WORKER_WAIT_S)
     except TimeoutError:
         raise UsageError(
-            f"--scheduler {scheduler}: has no worker ({WORKER_WAIT_S:.0f} s waited); start some"
-            f" with `dask worker {scheduler} --nthreads 1`"
+            f"--scheduler {scheduler}: no worker came within {WORKER_WAIT_S:.0f} s; start workers "
+            f"with `dask worker {scheduler} --nthreads 1`"
         ) from None
     try:
         versions = client.run(_version)
@@ -94,9 +94,9 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
     if (largest := max(threads.values(), default=1)) > 1:
         address = max(threads, key=lambda worker: threads[worker])
         raise UsageError(
-            f"--scheduler {scheduler}: worker {address} has {largest} threads, but must have 1:"
-            " flights in one process would mix their warnings and crash together; start `dask"
-            f" worker {scheduler} --nthreads 1 --nworkers {largest}`"
+            f"--scheduler {scheduler}: worker {address} has {largest} threads, but must have 1, "
+            "because flights in one process mix their warnings and crash together; start `dask "
+            f"worker {scheduler} --nthreads 1 --nworkers {largest}`"
         )
 
 
@@ -167,8 +167,9 @@ def _arriving(
             last_seen = now if client.scheduler_info(n_workers=1)["workers"] else last_seen
             if now - last_seen > ALONE_S:
                 raise DataError(
-                    f"--scheduler {scheduler}: no worker for {ALONE_S:.0f} s, {remaining} flights"
-                    " are left; start workers and give the same command again: what is done stays"
+                    f"--scheduler {scheduler}: no worker for {ALONE_S:.0f} s, {remaining} flights "
+                    "are not done; start workers and give the same command again, which keeps "
+                    "finished flights"
                 )
             time.sleep(WORKER_POLL_S)
             continue
@@ -180,9 +181,9 @@ def _arriving(
                 is_lost = True
             if is_lost:
                 raise DataError(
-                    f"--scheduler {scheduler}: the scheduler ended or is no longer reached,"
-                    f" {remaining} of the flights are left; start it and its workers and give"
-                    " the same command again: what is done stays"
+                    f"--scheduler {scheduler}: the scheduler ended or cannot be reached, "
+                    f"{remaining} of the flights are not done; start it and its workers and give "
+                    "the same command again, which keeps finished flights"
                 )
             yield futures[future], outcome
             future.release()

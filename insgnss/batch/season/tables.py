@@ -62,12 +62,14 @@ def read_season(path: Path) -> list[Row]:
         raise InputError.in_file(path, f"cannot be read: {error}") from None
     if not lines or not lines[0].startswith("# insgnss season"):
         raise InputError.at_line(
-            path, 1, f"is no season.csv: the first line must be {SEASON_HEAD!r}"
+            path, 1, f"is not a season.csv: its first line must be {SEASON_HEAD!r}"
         )
     try:
         head, *body = csv.reader(lines[1:])
     except (csv.Error, ValueError):
-        problem = f"names no columns, or has a field of more than {csv.field_size_limit()} bytes"
+        problem = (
+            f"has no line of column names, or a field of more than {csv.field_size_limit()} bytes"
+        )
         raise InputError.at_line(path, 2, f"{problem}; copy it again") from None
     rows = []
     for number, cells in enumerate(body, 3):

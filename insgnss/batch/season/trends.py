@@ -24,6 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...base.quantiles import chi_square_quantile
 from ...geodesy.gpstime import DAY_S
 from ...records import Array
 from ...records.states import LEVER_ARM, TIME_OFFSET, State
@@ -135,22 +136,22 @@ class SeasonTrend:
         if self.finding == "drift":
             monthly, sigma = MONTH_DAYS * self.slope, MONTH_DAYS * self.slope_sigma
             return (
-                f"the {name} drifts by {monthly:+.3g} +- {sigma:.2g} {q.unit} a month,"
-                f" {abs(self.slope) * span:.3g} {q.unit} over {span:.0f} days"
-                f" ({abs(self.slope / self.slope_sigma):.1f} sigma, {self.days.size} flights):"
-                " look for parts that loosen or age, and calibrate the mounting anew"
+                f"the {name} drifts by {monthly:+.3g} +- {sigma:.2g} {q.unit} a month, "
+                f"{abs(self.slope) * span:.3g} {q.unit} over {span:.0f} days "
+                f"({abs(self.slope / self.slope_sigma):.1f} sigma, {self.days.size} flights); "
+                "look for parts that loosen or age, and calibrate the mounting anew"
             )
         if self.finding == "scatter":
             worst = int(np.argmax(np.abs(self.residual / self.sigma)))
             return (
-                f"the {name} differs from flight to flight by more than its sigmas"
-                f" ({self.chi_square:.1f} times in variance, {self.days.size} flights), most at"
-                f" {self.names[worst]} ({self.residual[worst]:+.3g} {q.unit} off the line): find"
-                " out what was remounted or bent between flights"
+                f"the {name} differs from flight to flight by more than its sigmas "
+                f"({self.chi_square:.1f} times in variance, {self.days.size} flights), most in "
+                f"{self.names[worst]} ({self.residual[worst]:+.3g} {q.unit} off the line); check "
+                "what was remounted or bent between flights"
             )
         if self.finding == "steady":
             return f"the {name} shows no drift ({self.days.size} flights)"
-        few = f"{self.days.size} of the {FEWEST_FLIGHTS} flights that a trend needs"
+        few = f"{self.days.size} flights, and a trend needs {FEWEST_FLIGHTS}"
         why = few if self.finding == "too few" else "all flights are of the same time"
         return f"no trend of the {name} can be computed: {why}"
 
@@ -197,8 +198,6 @@ def judged(
     value, sigma : (n,) in the unit of the quantity.
     names : (n,) flights.
     """
-    from scipy.stats import chi2
-
     values = (equipment, quantity, days, value, sigma, tuple(names))
     if days.size < FEWEST_FLIGHTS:
         return SeasonTrend(*values, "too few")
@@ -208,7 +207,7 @@ def judged(
     slope, slope_sigma, level, x = fit(days, value, sigma)
     finding: Finding = "steady"
     residual = value - level - slope * days
-    limit = float(chi2.isf(1.0 / SCATTER_CHANCE, days.size - 2)) / (days.size - 2)
+    limit = chi_square_quantile(days.size - 2, 1.0 / SCATTER_CHANCE) / (days.size - 2)
     if abs(slope) > SLOPE_SIGMAS * slope_sigma and abs(slope) * span > quantity.physical:
         finding = "drift"
     elif x > limit and float(np.abs(residual).max()) > quantity.physical:

@@ -271,8 +271,9 @@ def changed_since(names: Sequence[str]) -> str:
         Of the products.
     """
     return (
-        f"changed since: {some(names, MOST_NAMED_PRODUCTS)}: no longer as the run wrote them, and"
-        " not overwritten; `insgnss process` of this flight, or `batch --again`, writes them anew"
+        "products changed after the run wrote them, and kept: "
+        f"{some(names, MOST_NAMED_PRODUCTS)}; `insgnss process` of this flight, or `batch "
+        "--again`, writes them anew"
     )
 
 

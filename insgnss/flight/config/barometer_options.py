@@ -35,14 +35,15 @@ class BarometerInput(Checked, table="barometer"):
 
     file: "Path | BarometerHeights" = option(
         ...,
-        "heights or pressures of a barometer: text, or the log of ArduPilot or PX4; its level and "
-        "scale do not matter",
+        "file of barometric heights or pressures: text, or the log of ArduPilot or PX4; bias and "
+        "scale are estimated",
         kind="file",
     )
     columns: "Columns" = columns_of_file("as gnss.columns", of_file=True)
     units: Mapping[str, str] | None = option(
         None,
-        "pressure: Pa, hPa, mbar, kPa; length (of heights): m, cm, mm; time as imu.units",
+        "units of pressure (Pa, hPa, mbar, kPa), length (heights: m, cm, mm) and time (as in "
+        "imu.units)",
         kind="gnss_units",
         members=_unit_keys,
         usual="by header, else Pa, m and s",
@@ -54,31 +55,31 @@ class BarometerInput(Checked, table="barometer"):
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
     sigma_m: float = option(
         0.5,
-        "standard deviation of the white error of its heights, at one height a second: gusts,"
-        " propeller wash",
+        "standard deviation of the white noise of barometric heights at 1 Hz (gusts, propeller "
+        "wash)",
         unit="m",
         low=0.01,
         high=100.0,
     )
     bias_sigma_m: float = option(
         10.0,
-        "a-priori standard deviation of the bias of its heights, after their level was taken"
-        " from the fixes",
+        "a-priori standard deviation of the bias of barometric heights, after their level was set "
+        "by the fixes",
         unit="m",
         low=0.1,
         high=1000.0,
     )
     bias_walk: float = option(
         0.1,
-        "random walk of the bias: weather, temperature, speed through the air",
+        "random walk of the bias of barometric heights (weather, temperature, airspeed)",
         unit="m/sqrt(s)",
         low=0.0,
         high=10.0,
     )
     scale_sigma: float = option(
         0.05,
-        "a-priori standard deviation of its scale factor: air that is 14 K warmer than the standard"
-        " atmosphere makes 5 %",
+        "a-priori standard deviation of the scale factor of barometric heights; 5 % suits air 14 "
+        "K off the standard",
         low=1e-6,
         high=0.5,
     )

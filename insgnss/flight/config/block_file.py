@@ -44,13 +44,13 @@ class ImagesInput(Checked, table="images"):
     )
     format: str = option(
         "auto",
-        "format of the file, such as metashape, colmap, opensfm, bingo; auto: recognised by its"
-        " name and first bytes",
+        "format of the image observations, such as metashape, colmap, opensfm, bingo; auto: "
+        "recognised by name and first bytes",
         cli="--images-format",
     )
     sigma_px: float | None = option(
         None,
-        "standard deviation of image coordinates that have none of their own",
+        "standard deviation of image coordinates for which the file states none",
         unit="px",
         low=1e-6,
         high=1000.0,
@@ -58,7 +58,7 @@ class ImagesInput(Checked, table="images"):
         cli="--sigma-px",
     )
     columns: "Columns" = columns_of_file(
-        'of a table: list of names, or table { canonical = "name in the file" }'
+        'columns of a table: list of names, or table { canonical = "name in the file" }'
     )
     skip: tuple[str, ...] = option((), "names of images that are left out", cli="--skip-images")
 
@@ -72,30 +72,30 @@ class CameraTable(Checked, table="camera"):
     )
     free: tuple[str, ...] | None = option(
         None,
-        f"parameters of interior orientation that are estimated, of {' '.join(INTERIOR_NAMES)}",
+        f"parameters of interior orientation that are estimated, out of {' '.join(INTERIOR_NAMES)}",
         kind="texts",
         choices=INTERIOR_NAMES,
-        usual="those of the camera's file; of a project f, cx, cy and what is not zero",
+        usual="those of the camera file; of a project f, cx, cy and those not zero",
         cli="--free",
     )
     weighed: bool = option(
         False,
-        "take the camera file's values and standard deviations as observations of the estimated"
-        " parameters; not if they come from an adjustment of the same images",
+        "use the camera file's values and standard deviations as observations of the estimated "
+        "parameters; wrong if they were adjusted from the same images",
         needs=("file",),
     )
     new_from: tuple[str, ...] = option(
         (),
-        "names of images from which on the camera has parameters of its own, in the order of the"
-        " aerial control, without it of the image observations: a camera that was knocked,"
-        " refocused or exchanged during the flight",
+        "names of the images at which a new set of camera parameters begins, because the camera "
+        "was knocked, refocused or exchanged; images count in the order of the aerial control, "
+        "without it of the image observations",
         kind="texts",
         cli="--camera-new-from",
     )
     readout_s: float | None = option(
         None,
-        "readout time of a rolling shutter, from the upper edge of an image to the lower; negative"
-        " of a sensor that is read upwards",
+        "readout time of a rolling shutter, from the upper edge of an image to the lower; "
+        "negative if the sensor is read upwards",
         unit="s",
         low=-1.0,
         high=1.0,
@@ -110,35 +110,37 @@ class GroundTableInput(Checked, table="ground"):
 
     file: Path | None = option(
         None,
-        "ground control and check points: a table (ground_points.md), or a file of a program",
+        "file of ground control and check points: a table (ground_points.md), or of another "
+        "program",
         usual="those of the project",
         cli="--ground",
     )
     crs: str | None = option(
         None,
-        "their CRS, such as EPSG:2056+5728 (with heights), or a tangent plane by its origin,"
-        ' such as "origin 46.57 6.54 deg 0 m"; without it the coordinates are taken in the'
-        " tangent plane of an eo.json",
-        usual="that of the file, or the tangent plane of eo.json",
+        "CRS of the ground points, such as EPSG:2056+5728 (with heights), or the origin of a "
+        'tangent plane, such as "origin 46.57 6.54 deg 0 m"; default: the tangent plane of eo.json',
+        usual="CRS of the file, or the tangent plane of eo.json",
         cli="--crs",
         metavar="CRS",
     )
     geoid: Path | None = option(
         None,
-        "grid of geoid heights, for heights above sea level",
+        "grid of geoid heights, needed for heights above sea level",
         needs=("crs",),
         cli="--geoid",
         metavar="GRID",
     )
     columns: "Columns" = columns_of_file("of a table, as images.columns")
     check: tuple[str, ...] = option(
-        (), "names of points that are check points, whatever the file says", cli="--check"
+        (),
+        "names of check points, which are not used as control even if the file says so",
+        cli="--check",
     )
     skip: tuple[str, ...] = option((), "names of points that are left out")
     distances: Path | None = option(
         None,
-        "table of distances between measured points, m, such as of scale bars: from to distance"
-        " sigma",
+        "table of distances between measured points (scale bars), m, with columns from to "
+        "distance sigma",
         cli="--distances",
     )
 
@@ -149,27 +151,26 @@ class AdjustmentTable(Checked, table="adjustment"):
 
     mode: Mode = option(
         "iso",
-        '"iso": integrated sensor orientation, all observations; "indirect": without aerial '
-        'control; "fast_at": image observations of ground points alone, with aerial control and a '
-        'camera that is held; "direct": poses and camera are held, points are intersected, and '
-        "ground control is compared as check points are",
+        '"iso": integrated sensor orientation with all observations; "indirect": without aerial '
+        'control; "fast_at": with aerial control and image observations of ground points alone, '
+        'camera fixed; "direct": poses and camera fixed, points intersected, ground control used '
+        "as check points",
         cli="--mode",
     )
     datum: Datum = option(
         "control",
-        'datum of the block: "control": aerial or ground control, or the poses that a script of'
-        ' DBAT holds fixed; "minimal": the first image, and one coordinate of the image farthest'
-        ' from it, as their program has them; "images", "points": a free network, whose'
-        " projection centres or object points keep the mean position of their first values",
+        'datum of the block: "control": aerial or ground control, or the poses fixed by a DBAT '
+        'script; "minimal": the first image and one coordinate of the image farthest from it, '
+        'fixed as in the project; "images", "points": free network, in which the projection '
+        "centres or object points keep the mean position of their initial values",
         cli="--datum",
     )
     reweight: tuple[str, ...] = option(
         ("image observations",),
-        "groups of observations whose variances are multiplied by their estimated variance"
-        " components: image observations (not in mode fast_at, which has few), ground control,"
-        " aerial control, kinematic ground control, target sizes, distances; for the other"
-        ' groups a component that contradicts the stated variances is only reported; "none": no'
-        " group",
+        "groups of observations whose variances are multiplied by estimated variance components: "
+        "image observations (except in mode fast_at), ground control, aerial control, kinematic "
+        "ground control, target sizes, distances; for other groups a contradicting component is "
+        'only reported; "none": no group',
         choices=(*OBSERVATION_GROUPS, "none"),
         cli="--reweight",
     )
@@ -181,17 +182,16 @@ class AdjustmentTable(Checked, table="adjustment"):
     )
     write_anyway: bool = option(
         False,
-        "where the observations contradict the orientation, write it all the same, into"
-        " contradicted/; the exit code stays 4",
+        "write the orientation into contradicted/ even if the observations contradict it; the "
+        "exit code stays 4",
         cli="--write-anyway",
     )
     accept: tuple[str, ...] = option(
         (),
-        "groups of observations whose contradiction is accepted, out of image observations,"
-        " ground control, aerial control, kinematic ground control, target sizes, check points:"
-        " otherwise no orientation is written if residuals exceed five times what their standard"
-        " deviations allow, or if their cause moves a projection centre by five of its standard"
-        " deviations",
+        "groups of observations whose contradiction is accepted: image observations, ground "
+        "control, aerial control, kinematic ground control, target sizes, check points; otherwise "
+        "no orientation is written if residuals exceed five times what their standard deviations "
+        "allow, or if their cause moves a projection centre by five of its standard deviations",
         choices=(*OBSERVATION_GROUPS, "check points"),
     )
 
@@ -203,7 +203,7 @@ class PlanTable(Checked, table="plan"):
     tie_points: float = option(52.0, "tie points for each image", low=1.0, high=1e5)
     matched: float = option(
         0.6,
-        "of the images that see a tie point, the share in which the point is measured",
+        "share of the images that see a tie point in which the point is measured",
         low=0.05,
         high=1.0,
     )
@@ -222,15 +222,15 @@ class BlockOutput(Checked, table="output"):
 
     directory: Path = option(
         Path(ADJUSTED_DIRECTORY),
-        "directory of the products, in or below that of the block file (elsewhere: `--out`), made"
-        " where it is missing",
+        "directory of the products, in or below that of the block file (elsewhere: `--out`), "
+        "created if missing",
         kind="directory",
         form="directory",
         usual=f'"{ADJUSTED_DIRECTORY}"',
     )
     formats: tuple[str, ...] = option(
         ("eo_local_plane",),
-        "exports of the adjusted orientation, as output.formats of a flight",
+        "export formats of the adjusted orientation, as output.formats of a flight",
         kind="formats",
         form="list of texts",
     )
@@ -241,14 +241,14 @@ class BlockOutput(Checked, table="output"):
     )
     pose_covariance: bool = option(
         False,
-        "write the covariance of all poses together, poses_covariance.npz (288 bytes by the square "
-        "of the number of images), which `insgnss calibrate mounting` takes beside poses.csv",
+        "write the full covariance of all poses, poses_covariance.npz (288 bytes times the square "
+        "of the number of images), for `insgnss calibrate mounting` with poses.csv",
         cli="--pose-covariance",
     )
     tables: bool = option(
         False,
-        "write all object points with their covariances, points.csv, and all residuals of image "
-        "observations, residuals.csv",
+        "write all object points with covariances (points.csv) and all residuals of image "
+        "observations (residuals.csv)",
         cli="--tables",
     )
 
@@ -285,13 +285,13 @@ class BlockFile(Checked):
             setting = "camera.weighed" if self.camera.weighed else f'mode "{mode}"'
             raise OptionError(
                 "camera.new_from",
-                f"gives parts of the flight estimated cameras, and {setting} states one for all;"
-                " leave one of them out",
+                f"begins newly estimated cameras within the flight, but {setting} fixes one "
+                "camera for all images; leave one of them out",
             )
         if mode == "indirect" and (control.control != "Ap/Aa" or control.lines):
             raise OptionError(
                 "aerial_control.control",
-                'has no meaning in mode "indirect", which takes no aerial control; leave one out',
+                'has no meaning in mode "indirect", which uses no aerial control; leave one out',
             )
         if mode in ("fast_at", "direct"):
             if control.file is None:
@@ -300,15 +300,15 @@ class BlockFile(Checked):
                 )
             if self.camera.free:
                 raise OptionError(
-                    "camera.free", f'the camera is held in mode "{mode}"; leave it out'
+                    "camera.free", f'the camera is fixed in mode "{mode}"; leave this key out'
                 )
             lines = {control.control, *control.of_lines.values()}
             usable = ("Ap/Aa", "Ap/Ra", "Rp/Ra") if mode == "fast_at" else ("Ap/Aa",)
             if unusable := lines.difference(usable):
                 raise OptionError(
                     "aerial_control.control",
-                    f'"{min(unusable)}" does not orient images in mode "{mode}"; it takes'
-                    f" {', '.join(usable)}",
+                    f'"{min(unusable)}" does not orient images in mode "{mode}"; use '
+                    f"{', '.join(usable)}",
                 )
 
     def resolved(self) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def _refuse_unknown(record: Any, key: str, names: list[str]) -> None:
     table, _, leaf = key.rpartition("__")
     if table in names and not _has_fields(value := _value(record, table)):
         reason = "not given" if value is None else "no table"
-        raise UsageError(f"{_dotted(key)}: {_dotted(table)} is {reason}; give the whole of it")
+        raise UsageError(f"{_dotted(key)}: {_dotted(table)} is {reason}; give the complete table")
     if table not in names:
         table = ""
     beside = [name for name in names if name.rpartition("__")[0] == table]

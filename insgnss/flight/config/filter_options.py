@@ -73,16 +73,16 @@ class FilterOptions(Checked, table="filter"):
     scale_factor: bool = option(False, "scale-factor states of gyros and accelerometers")
     misalignment: bool = option(
         False,
-        "misalignment states, against the axes of the gyros; how those are turned in the body"
-        " counts as bore-sight",
+        "estimate misalignments of the sensor axes against the gyro axes; a rotation of the gyro "
+        "axes in the body counts as bore-sight",
     )
     second_pass: Literal["auto", "on", "off"] = option(
         "auto", "relinearise about the smoothed flight"
     )
     time_offset: bool = option(
         False,
-        "estimate the time offset of the fixes, and the rate of their clock against that of the"
-        " IMU",
+        "estimate the time offset of the fixes and the rate of their clock relative to the IMU's "
+        "clock",
     )
     time_offset_sigma_s: float = option(
         0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0
@@ -98,13 +98,13 @@ class FilterOptions(Checked, table="filter"):
     )
     non_holonomic: bool = option(
         False,
-        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis along its"
-        " own: no velocity across it",
+        "non-holonomic constraint (NHC) for a wheeled vehicle whose forward axis is that of the "
+        "body: no velocity across it",
     )
     adaptive_noise: Literal["auto", "off"] = option(
         "auto",
-        "noise of the IMU and sigmas of the fixes raised where the likelihood of the whole flight"
-        " shows that they are larger than stated",
+        "raise the noise of the IMU and the sigmas of the fixes if the likelihood of the flight "
+        "shows that they are stated too small",
     )
     robust: bool = option(
         False, "give suspicious fixes a larger covariance instead of either using or rejecting them"

@@ -99,11 +99,11 @@ class TangentPlaneTable:
 
     origin: Triple = option(
         ...,
-        "origin of the tangent plane; without the table by the first fix, at height 0",
+        "origin of the tangent plane; default: a point near the first fix, at height 0",
         kind="origin",
         cli="--origin",
         metavar="LAT,LON,H",
-        cli_meaning="origin of the tangent plane, deg, deg, ellipsoidal m",
+        cli_meaning="origin of the tangent plane, latitude deg, longitude deg, height m",
         cli_default="the first fix, at height 0",
     )
 
@@ -114,8 +114,8 @@ class Output(Checked, table="output"):
 
     directory: Path = option(
         Path("02_Processed/GPS-INS"),
-        "in or below the directory of the flight file (elsewhere: `--out`), made where it is not"
-        " there; with gnss.rover the solution goes into `GPS-PPK` beside it, below",
+        "directory of the products, in or below that of the flight file (elsewhere: `--out`), "
+        "created if missing; with gnss.rover the PPK solution goes into `GPS-PPK` beside it",
         kind="directory",
         form="directory",
     )
@@ -124,8 +124,8 @@ class Output(Checked, table="output"):
     )
     trajectory_hz: float | None = option(
         10.0,
-        "rate of trajectory.csv and the SBET; a row that is less than a quarter of the row"
-        ' interval from a fix is moved to the time of the fix; "imu" for every sample',
+        'rate of trajectory.csv and the SBET; "imu": every sample; a row within a quarter of the '
+        "row interval of a fix is moved to the time of the fix",
         kind="rate",
         form='number or "imu"',
         unit="Hz",
@@ -133,11 +133,11 @@ class Output(Checked, table="output"):
         high=1e4,
     )
     operator: str | None = option(
-        None, "who answers for the flight, in the summary of the report", form="text"
+        None, "person responsible for the flight, named in the summary of the report", form="text"
     )
     equipment: str | None = option(
         None,
-        "aircraft, IMU, receiver and camera, in the summary of the report",
+        "aircraft, IMU, receiver and camera, named in the summary of the report",
         form="text",
         usual="the name of the included file",
     )
@@ -145,40 +145,42 @@ class Output(Checked, table="output"):
         "UTC",
         "of clock times in the report",
         kind="zone",
-        form='name such as "Europe/Zurich" or offset such as "+02:00"',
+        form='time zone, as a name ("Europe/Zurich") or an offset ("+02:00")',
     )
     need: str | None = option(
         None,
-        'required accuracy of the images: "control" (no ground control: 30, 30, 50 mm and 0.02,'
-        ' 0.02, 0.05 deg) or "start values" for an adjustment (1 m, 1 and 2 deg); without it,'
-        " the images are compared with what this receiver and IMU give in a good flight",
+        'required accuracy of the images: "control" (work without ground control: 30, 30, 50 mm '
+        'and 0.02, 0.02, 0.05 deg) or "start values" for an adjustment (1 m, 1 and 2 deg); '
+        "default: what this receiver and IMU give in a good flight",
         kind="choice",
         choices=tuple(NEEDS),
     )
-    need_m: Triple | None = sigmas("wanted standard deviations east, north, up of the images")
+    need_m: Triple | None = sigmas(
+        "required standard deviations of the image positions, east, north, up"
+    )
     need_deg: Triple | None = sigmas(
-        "wanted standard deviations of the rotations about these axes: two of tilt, and heading",
+        "required standard deviations of the rotations about east, north, up (tilt, tilt, heading)",
         unit="deg",
     )
     crs: str | None = option(
         None,
-        'CRS for the formats that carry one: "EPSG:2056", "EPSG:25832+7837" (with heights), '
-        "geographic (EPSG:6319: its datum), WKT or a file of it; all others keep their frame",
+        'CRS of the exports that can be in one: "EPSG:2056", "EPSG:25832+7837" (with heights), '
+        "geographic (EPSG:6319: its datum), WKT or a WKT file; other exports keep their frame",
     )
     geoid: Path | None = option(
         None,
-        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are"
-        " those above the ellipsoid of WGS84",
+        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; default: heights "
+        "above the WGS84 ellipsoid",
     )
     background: Path | None = option(
         None,
-        "picture of the ground below the map of report.html: GeoTIFF (8 bits a band, EPSG code) or"
-        " MBTiles; the page holds a JPEG of it, 0.5 MB at most",
+        "background picture for the map of report.html: GeoTIFF (8 bits a band, EPSG code) or "
+        "MBTiles; the page holds it as JPEG, at most 0.5 MB",
     )
     ground_m: float | None = option(
         None,
-        "height of the ground in a projected CRS: heights above it are multiplied by the map"
-        " scale factor of the projection; not needed with control points",
+        "mean height of the ground in a projected CRS; heights above it are multiplied by the map "
+        "scale factor; not needed with control points",
         needs=("crs",),
         unit="m",
         low=-500.0,
@@ -186,15 +188,15 @@ class Output(Checked, table="output"):
     )
     rename: tuple[str, ...] = option(
         (),
-        "other names of the images in the exports, not in eo.json, rules one after the other:"
-        ' "safe" (letters, digits and . _ - alone), "basename" (without folders), "OLD=NEW", or the'
-        " path of a CSV table old,new; the table of both names goes beside each export",
+        'rules, applied in turn, that rename the images in the exports (not in eo.json): "safe" '
+        '(only letters, digits and . _ -), "basename" (without folders), "OLD=NEW", or the path '
+        "of a CSV table old,new; a table of both names is written with each export",
         kind="texts",
     )
     strip_covariance: bool = option(
         True,
-        "write eo_covariance.npz, the covariance of all poses of each flight line, for an"
-        " adjustment of the images",
+        "write eo_covariance.npz, the full covariance of the poses of each flight line, for a "
+        "block adjustment",
     )
 
     def __post_init__(self) -> None:
@@ -265,11 +267,14 @@ class Flight(Checked):
     )
     include: Path | None = option(
         None,
-        "file of keys that several flights share, such as `wing3.toml` of an equipment, below",
+        "settings file shared by several flights, such as `wing3.toml` of an equipment",
         kind="file",
     )
     gps_week: int | None = option(
-        None, "GPS week, where files carry only the time of week; not modulo 1024", low=0, high=9999
+        None,
+        "full GPS week (not modulo 1024), for files that hold only the time of week",
+        low=0,
+        high=9999,
     )
     start_tow: float | None = option(
         None, "data before this time of week are cut away", unit="s", low=0.0
@@ -278,7 +283,7 @@ class Flight(Checked):
         None, "data after this time of week are cut away", unit="s", low=0.0
     )
     accept: tuple[str, ...] = option(
-        (), "names of checks, below, whose contradiction does not stop `process`", choices=_checks
+        (), "names of checks whose contradiction does not stop `process`", choices=_checks
     )
     imu: ImuInput = field(kw_only=True)
     gnss: GnssInput = field(kw_only=True)
@@ -361,7 +366,9 @@ def _refuse_measurements(measurements: "tuple[MeasurementInput | Measurement, ..
             raise OptionError("measurement", f"is no insgnss.Measurement but {measurement!r}")
         name = measurement.called if isinstance(measurement, MeasurementInput) else measurement.name
         if name in names:
-            raise OptionError("measurement", f"two are named {name!r}; give each a name of its own")
+            raise OptionError(
+                "measurement", f"two measurements are named {name!r}; give each its own name"
+            )
         names.append(name)
 
 
@@ -382,15 +389,15 @@ def refuse_week(week: int | None) -> None:
     today, _ = gps_from_calendar(datetime.now(UTC))
     if week < ROLLOVER:
         problem = (
-            f"counts modulo {ROLLOVER}, which began again in 1999 and in 2019; add {ROLLOVER} or"
-            f" {2 * ROLLOVER} to {week} ({_sunday(week + ROLLOVER)} or"
-            f" {_sunday(week + 2 * ROLLOVER)})"
+            f"is a week modulo {ROLLOVER}, which restarted in 1999 and in 2019; add {ROLLOVER} or "
+            f"{2 * ROLLOVER} to {week} ({_sunday(week + ROLLOVER)} or "
+            f"{_sunday(week + 2 * ROLLOVER)})"
         )
         raise OptionError("gps_week", problem, week)
     if week > today + 1:
         problem = (
-            f"is the week from {_sunday(week)}, in the future: this computer's clock shows week"
-            f" {today}; check both"
+            f"begins on {_sunday(week)}, in the future, as this computer's clock shows week "
+            f"{today}; check both"
         )
         raise OptionError("gps_week", problem, week)
 

@@ -46,23 +46,25 @@ class GnssInput(Checked, table="gnss"):
 
     file: "Path | GnssFixes | None" = option(
         ...,
-        "antenna positions; or gnss.stationary, or gnss.rover, base and navigation",
+        "file of antenna positions; replaced by gnss.stationary, or by gnss.rover, base and "
+        "navigation",
         kind="file",
     )
     stationary: Triple | None = option(
         None,
-        "instead of gnss.file: position of a sensor that stands still throughout the recording,"
-        " used as a fix a second; gnss.sigma_m is 0.1 by default",
+        "position of a sensor at rest throughout the recording, in place of gnss.file, used as "
+        "one fix a second; gnss.sigma_m is 0.1 by default",
         kind="place",
     )
     columns: "Columns" = columns_of_file(
-        'list of names, or table { canonical = "name in the file" }', of_file=True
+        'columns of the file: list of names, or table { canonical = "name in the file" }',
+        of_file=True,
     )
     units: Mapping[str, str] | None = option(
         None,
-        "angle (of latitude and longitude), course: deg, rad; length (heights): m, cm, mm; "
-        "sigma (standard deviations of positions): as length; velocity: m/s, cm/s, mm/s, km/h, kn; "
-        "time as imu.units; quality (codes of a column `q`): rtklib, nmea",
+        "units of angle (latitude, longitude) and course: deg, rad; length (heights) and sigma "
+        "(standard deviations of positions): m, cm, mm; velocity: m/s, cm/s, mm/s, km/h, kn; "
+        "time: as in imu.units; codes of the column `q` (quality): rtklib, nmea",
         kind="gnss_units",
         members=_unit_keys,
         usual="by header, else SI and deg",
@@ -70,7 +72,7 @@ class GnssInput(Checked, table="gnss"):
     )
     undulation_m: float | None = option(
         None,
-        "height of the geoid above the ellipsoid, where the file has heights above the geoid",
+        "height of the geoid above the ellipsoid, needed if the file has heights above the geoid",
         unit="m",
         low=-200.0,
         high=200.0,
@@ -78,8 +80,8 @@ class GnssInput(Checked, table="gnss"):
     )
     deflection_arcsec: tuple[float, float] = option(
         (0.0, 0.0),
-        "deflection of the vertical at the flight, xi and eta: plumb line's zenith north and east "
-        "of the ellipsoidal normal, as a geoid model or a survey has it; gravity is turned by it",
+        "deflection of the vertical at the flight from a geoid model or survey, xi north and eta "
+        "east (zenith of the plumb line against the ellipsoidal normal); gravity is turned by it",
         unit="arcsec",
         low=-120.0,
         high=120.0,
@@ -88,55 +90,55 @@ class GnssInput(Checked, table="gnss"):
     # 50 in high mountains
     deflection_sigma_arcsec: float = option(
         5.0,
-        "standard deviation of each of its components, in the covariances of all attitudes; a geoid"
-        " model has 1 to 2, mountains without a stated value 20; 0: exact",
+        "standard deviation of each component of the deflection of the vertical, included in all "
+        "attitude covariances: 1 to 2 for a geoid model, 20 for mountains without a model; 0: "
+        "exact",
         unit="arcsec",
         low=0.0,
         high=120.0,
     )
     sigma_m: Triple | None = sigmas(
-        "standard deviations north, east, down, where the file has none", of_file=True
+        "standard deviations of the positions north, east, down, used if the file has none",
+        of_file=True,
     )
     sigma_velocity_mps: Triple | None = sigmas("the same of velocities", unit="m/s", of_file=True)
     time_offset_s: float = option(
         0.0,
-        "added to the stamps of this sensor; half a second and more means two different clocks:"
-        " if the fixes count GPST, the IMU's stamps are moved by it instead, so that products"
-        " count GPST",
+        "time offset added to the time stamps of the fixes; from half a second on, if the fixes "
+        "count GPST, the IMU's stamps are moved instead, so that products count GPST",
         unit="s",
     )
     time_sigma_s: float = option(
         1e-3,
-        "standard deviation of the time offset between fixes and IMU (default: nobody states how"
-        " they are synchronised; an IMU on the receiver's PPS: 2e-4), carried as a state, so that"
-        " every covariance includes it; 0: exact",
+        "standard deviation of the time offset between fixes and IMU, a state that all "
+        "covariances include (default: synchronisation unknown; IMU on the receiver's PPS: 2e-4); "
+        "0: exact",
         unit="s",
         low=0.0,
         high=1.0,
     )
     datum: str | None = option(
         None,
-        "geographic CRS of the positions, which is that of the base's coordinates: EPSG:4937"
-        " (ETRS89), EPSG:9989 (ITRF2020), ...; exports into output.crs start from it",
+        "geographic CRS of the positions, the same as of the base's coordinates: EPSG:4937 "
+        "(ETRS89), EPSG:9989 (ITRF2020), ...; exports into output.crs are transformed from it",
         usual="WGS 84",
     )
     epoch: float | None = option(
         None,
-        "epoch of the positions, decimal year, where gnss.datum moves (ITRF)",
+        "epoch of the positions, decimal year, needed if gnss.datum is dynamic (ITRF)",
         low=1980.0,
         high=2100.0,
     )
     reference: Triple | None = option(
         None,
-        "origin of the positions, where the file has north, east and down or up",
+        "origin of the positions, needed if the file has north, east and down or up",
         kind="place",
         usual="a comment of the file",
         of_file=True,
     )
     moved_base: tuple[Triple, Triple] | None = option(
         None,
-        "old and new position of the base of ready positions, which are all moved by the"
-        " difference",
+        "old and new position of the base station; all positions are moved by the difference",
         kind="moved",
         form="[old, new], each [latitude deg, longitude deg, ellipsoidal height m]",
         of_file=True,
@@ -144,20 +146,21 @@ class GnssInput(Checked, table="gnss"):
     variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
     repeat_column: str | None = option(
         None,
-        "column whose change marks a new fix, where the file repeats the last one",
+        "column whose change marks a new fix, for a file that repeats the last fix",
         of_file=True,
     )
     gate_sigma: float = option(
         5.0,
-        "innovations beyond this many standard deviations are rejected and counted",
+        "innovation gate: fixes whose innovation exceeds this many standard deviations are "
+        "rejected and counted",
         low=2.0,
         high=30.0,
     )
     quality_sigma_m: Mapping[str, Triple] = option(
         lambda: dict(QUALITY_SIGMA_M),
-        "least standard deviations north, east, down of fixes of each quality: smaller ones of the"
-        " file, which needs a column of the quality, are raised to them; none by default with"
-        " gnss.rover, whose gnss.covariance sets them",
+        "least standard deviations north, east, down of fixes of each quality, to which smaller "
+        "ones of the file are raised (needs a column of quality); none by default with "
+        "gnss.rover, where gnss.covariance sets them",
         kind="quality_sigmas",
         unit="m",
         members=lambda: QUALITIES,
@@ -165,16 +168,16 @@ class GnssInput(Checked, table="gnss"):
     )
     calibrate_covariance: bool = option(
         True,
-        "for an RTKLIB `.pos` with quality, satellites and base (`ref pos` in its header): fixed"
-        " epochs that other epochs do not confirm are taken as float, and all get covariances"
-        " that cover their errors, as with PPK; false: as the file has them",
+        "calibrate the covariances of an RTKLIB `.pos` with quality, satellites and base (`ref "
+        "pos` in its header) as with PPK: fixed epochs that no other epochs confirm are taken as "
+        "float, and covariances are enlarged to cover their errors; false: as in the file",
         of_file=True,
     )
     gm_sigma: float | Literal["auto", "off"] = option(
         "auto",
-        "time-correlated (Gauss-Markov) error, in standard deviations of each fix; auto: estimated "
-        "where the innovations show it, and assumed of float and code solutions (a minute, ten "
-        "minutes)",
+        "time-correlated (Gauss-Markov) error, as a multiple of the standard deviation of each "
+        "fix; auto: estimated if the innovations show it, and assumed for float and code "
+        "solutions (over one and ten minutes)",
         kind="gm_sigma",
         low=1e-2,
         high=100.0,
@@ -188,17 +191,16 @@ class GnssInput(Checked, table="gnss"):
     )
     covariance: CovarianceModel = option(
         lambda: MODEL,
-        "changes to the factors and floors that calibrate the covariances of PPK, and of a ready"
-        " `.pos` with gnss.calibrate_covariance; refused for a file without quality, satellites"
-        " and base",
+        "changes to the factors and floors that calibrate the covariances of PPK, or of a `.pos` "
+        "with gnss.calibrate_covariance; needs quality, satellites and base in the file",
         kind="covariance",
         form="table, below",
         usual="as measured",
         cli="--covariance",
         metavar="FILE",
         cli_meaning=(
-            "TOML file of changes to the covariance model, the keys of gnss.covariance at its top"
-            " (data_specs/flight_file.md)"
+            "TOML file of changes to the covariance model, with the keys of gnss.covariance at "
+            "the top (data_specs/flight_file.md)"
         ),
         of_file=True,
     )

@@ -61,7 +61,7 @@ def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
         kind = kinds.get(sensor, sensor)
         if is_unit(unit, kind):
             continue
-        count = "a number may stand before it (of one count: 0.05 deg/s)"
+        count = "for counts write the value of one count (0.05 deg/s)"
         advice = f"{near(str(unit), tuple(SENSOR_SCALES[kind]))}; {count}"
         homes = [name for name in SENSOR_SCALES if is_unit(unit, name)]
         if kind.partition(" ")[0] in [name.partition(" ")[0] for name in homes]:
@@ -97,18 +97,19 @@ class ImuInput(Checked, table="imu"):
     file: "Path | ImuSamples" = option(..., "file of the IMU samples", kind="file")
     accel_file: Path | None = option(
         None,
-        "text file of the accelerometers, where `file` has the gyros alone, on the same clock; "
-        "`columns` and `units` are of both",
+        "text file of the accelerometers, needed if `file` holds only the gyros; both on one "
+        "clock, `columns` and `units` are for both",
         of_file=True,
     )
     columns: "Columns" = columns_of_file(
-        'list of names, or table { canonical = "name in the file" }', of_file=True
+        'columns of the file: list of names, or table { canonical = "name in the file" }',
+        of_file=True,
     )
     units: Mapping[str, str] | None = option(
         None,
-        "gyro: rad/s, deg/s, mdeg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, "
-        "gps; of increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit "
-        'is what one count means ("0.05 deg/s")',
+        "units of gyro (rad/s, deg/s, mdeg/s, deg/h; increments: rad, deg, arcsec), accel (m/s^2, "
+        "g, mg, ug; increments: m/s, g\\*s, mg\\*s, ug\\*s) and time (s, ms, us, ns, unix, gps); "
+        'a number before the unit is the value of one count ("0.05 deg/s")',
         kind="units",
         members=_imu_unit_keys,
         usual="by header (imu_csv.md), else SI",
@@ -116,8 +117,8 @@ class ImuInput(Checked, table="imu"):
     )
     quantity: "Quantity" = option(
         "mean_rate",
-        "what a sample is: the mean rate or the increment over the interval that ends at the stamp,"
-        " or the rate at the stamp",
+        "quantity of a sample: mean rate or increment over the interval that ends at the time "
+        "stamp, or instantaneous rate at the time stamp",
         kind="choice",
         choices=_quantities,
         of_file=True,
@@ -130,7 +131,7 @@ class ImuInput(Checked, table="imu"):
     variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
     rate_hz: float | None = option(
         None,
-        "samples a second, counted from 0, where the file has no time",
+        "sampling rate, for a file without time; time then begins at 0",
         unit="Hz",
         low=1.0,
         high=1e5,
@@ -138,7 +139,7 @@ class ImuInput(Checked, table="imu"):
     )
     accel_sign: float = option(
         1.0,
-        "-1 where the accelerometers give the reverse of the specific force",
+        "sign of the accelerometers: 1 for the specific force (up at rest), -1 for its reverse",
         kind="sign",
         form="1 or -1",
     )
@@ -149,7 +150,7 @@ class ImuInput(Checked, table="imu"):
     )
     lever_m: Triple = option(
         (0.0, 0.0, 0.0),
-        "from the first IMU to this one, in body axes",
+        "lever arm from the first IMU to this one, in body axes",
         unit="m",
         only="imu.further",
     )

@@ -60,17 +60,17 @@ def with_included(
         path = last.file(INCLUDE)
         if any(os.path.samefile(path, earlier) for earlier in chain):
             names = " -> ".join(file.name for file in (*chain, path))
-            raise last.error(INCLUDE, f"a circle of files, {names}; take one of them out")
-        if len(chain) > MOST_INCLUDED_FILES:
-            problem = (
-                f"more than {MOST_INCLUDED_FILES} files that include each other; put two into one"
+            raise last.error(
+                INCLUDE, f"the files include each other in a circle, {names}; remove one include"
             )
+        if len(chain) > MOST_INCLUDED_FILES:
+            problem = f"more than {MOST_INCLUDED_FILES} files include each other; merge two of them"
             raise last.error(INCLUDE, problem)
         chain.append(path)
         last = read_toml(path, keys)
         for key in OF_A_FLIGHT:
             if key in last.data:
-                problem = f"is of one flight; give it in {root.path.name}, not in a shared file"
+                problem = f"belongs to a flight; give it in {root.path.name}, not in a shared file"
                 raise last.error(key, problem)
         _take_over(data, last, "", KeySource(path, last.lines), sources)
     merged = OptionTable(root.path, root.lines, keys, "", data, sources)

@@ -117,8 +117,8 @@ def read_covariance(path: Path) -> CovarianceModel:
     root = read_toml(path, keys)
     if headed := next((key for key in root.lines if re.match(r"gnss\b|covariance\b", key)), None):
         problem = (
-            f"{headed}: this file is the table gnss.covariance itself; its keys stand at the top, "
-            "and [scale] and [floor_m] below them"
+            f"{headed}: this file is itself the table gnss.covariance; write its keys at the top, "
+            "[scale] and [floor_m] below them"
         )
         raise InputError.at_line(path, root.lines[headed], problem)
     root.check_keys()
@@ -141,12 +141,12 @@ def _gnss(table: OptionTable) -> GnssInput:
     values["quality_sigma_m"] = ({} if raw else QUALITY_SIGMA_M) | floors
     if "covariance" in table.data and stands:
         problem = (
-            "is of positions by PPK, but gnss.stationary is given; leave it out, or give "
+            "belongs to PPK positions, but gnss.stationary is given; leave this key out, or give "
             "gnss.sigma_m"
         )
         raise table.error("covariance", problem)
     if "covariance" in table.data and not values["calibrate_covariance"]:
-        problem = "is of the calibration that gnss.calibrate_covariance = false switches off"
+        problem = "belongs to the calibration that gnss.calibrate_covariance = false switches off"
         raise table.error("covariance", f"{problem}; keep one of them")
     if values["datum"] is not None or values["epoch"] is not None:
         from ...geodesy.crs import source_crs
@@ -169,17 +169,17 @@ def _raw(table: OptionTable) -> RawGnss | None:
         if alternative in table.data:
             raise table.error(raw_keys[0], f"gnss.{alternative} is given as well; keep one of them")
     if missing := [key for key in needed if key not in table.data]:
-        problem = f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together"
+        problem = f"gnss.{missing[0]} is missing; RINEX files of {', '.join(needed)} are needed"
         raise table.error(raw_keys[0], problem)
     if superfluous := [key for key in OF_POSITIONS if key in table.data]:
-        problem = "is of ready positions (gnss.file), but gnss.rover is given; leave it out"
+        problem = "belongs to gnss.file, but gnss.rover is given; leave this key out"
         raise table.error(superfluous[0], problem)
     values = take(table, RawGnss)
     if values["base_position"] is not None and values["base_point"] is None:
-        problem = 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"'
+        problem = 'state the point: base_point = "apc" (phase centre), "arp" or "marker"'
         raise table.error("base_position", problem)
     if values["atmosphere"] and not (values["wet_delay"] or values["ionosphere"]):
-        problem = "is of the corrections that gnss.wet_delay and ionosphere = false leave out"
+        problem = "belongs to corrections that gnss.wet_delay and ionosphere = false switch off"
         raise table.error("atmosphere", f"{problem}; keep one of them")
     return made(table, RawGnss, values)
 
@@ -191,13 +191,11 @@ def _camera(table: OptionTable, raw: bool) -> CameraInput:
         message = "gnss.rover is missing, give camera.events"
         if "events" in table.data:
             message = "camera.events is given as well, keep one"
-        problem = f"looks at the record lines of the rover's RINEX; {message}"
+        problem = f"selects events in the rover's RINEX; {message}"
         raise table.error(of_rover[0], problem)
     has_events = "events" in table.data or not raw
     if "columns" in table.data and not has_events:
-        problem = (
-            "is of camera.events, which is missing; events of the rover's RINEX have no columns"
-        )
+        problem = "belongs to camera.events, which is missing; events in RINEX have no columns"
         raise table.error("columns", problem)
     further = tuple(_further_camera(message) for message in table.tables("further"))
     match, rover_events = record_of(table, ImageMatch), record_of(table, RoverEvents)
@@ -293,9 +291,9 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
     )
     if (difference := float(np.abs(assumed - stated).max())) > ROTATION_TOLERANCE:
         problem = (
-            "the bore-sight was calibrated with this rotation, and mounting.camera_from_body of"
-            f" the flight file differs by {difference:.2g} (limit {ROTATION_TOLERANCE:g}): give the"
-            " same one"
+            "the bore-sight was calibrated with this rotation, but mounting.camera_from_body of "
+            f"the flight file differs by {difference:.2g} (limit {ROTATION_TOLERANCE:g}); give "
+            "the same matrix"
         )
         raise root.table("calibration").error("camera_from_body", problem)
     camera = flight.camera
@@ -339,8 +337,8 @@ def with_engine(flight: Flight, engine: str) -> Flight:
     raw = flight.gnss.raw
     if raw is None:
         raise UsageError(
-            f"--engine {engine} solves gnss.rover, and {flight.path} has no gnss.rover; leave"
-            " --engine out"
+            f"--engine {engine} is for raw observations, and {flight.path} has no gnss.rover; "
+            "leave --engine out"
         )
     return replace(flight, gnss=replace(flight.gnss, raw=replace(raw, engine=engine)))
 
@@ -367,7 +365,7 @@ def _calibrated(flight: Flight, root: OptionTable) -> Flight:
             if name in holder.data and not nearer(table, "file", holder, name):
                 problem = (
                     f"{source.file.name} (mounting.file) gives {key} as well; delete this line to "
-                    "take the calibrated value, or the one there to keep this"
+                    "use the calibrated value, or the line in that file to use this one"
                 )
                 raise holder.error(name, problem)
     return new

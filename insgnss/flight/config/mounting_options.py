@@ -17,22 +17,21 @@ class MountingTable:
 
     antenna_m: Triple = option(
         (0.0, 0.0, 0.0),
-        "position of the antenna, from the camera, in camera axes",
+        "vector from the camera to the antenna, in camera axes",
         kind="lever",
         unit="m",
     )
     imu_m: Triple = option(
         (0.0, 0.0, 0.0),
-        "position of the IMU, from the camera, in camera axes",
+        "vector from the camera to the IMU, in camera axes",
         kind="lever",
         unit="m",
     )
     antenna_sigma_m: float | None = option(
         None,
-        "standard deviation of each component of the lever arm from the IMU to the antenna's phase"
-        " centre, carried as states, so that every covariance includes it; where it is not stated,"
-        " the phase centre may be higher than the reference point that a caliper reaches; 0: exact,"
-        " estimated only with filter.lever_arm",
+        "standard deviation of each component of the lever arm from the IMU to the antenna's "
+        "phase centre, which all covariances include (the default is larger in height, as a "
+        "caliper does not reach the phase centre); 0: exact, estimated only with filter.lever_arm",
         unit="m",
         usual="0.005, in height 0.02",
         low=0.0,
@@ -46,23 +45,22 @@ class MountingTable:
     )
     boresight_deg: tuple[str, Triple] | None = option(
         None,
-        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] }"
-        " (`records.cameras.mounting`)",
+        "bore-sight B_b^b' as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] } "
+        "(`records.cameras.mounting`)",
         kind="angles",
         unit="deg",
         members=angle_sets,
     )
     file: Path | None = option(
         None,
-        "calibrated mounting (mounting_file.md), as `insgnss calibrate` and `insgnss adjust` write "
-        "it: its keys of [mounting], and camera.time_offset_s, which then must not stand here",
+        "calibrated mounting (mounting_file.md) from `insgnss calibrate` or `insgnss adjust`; the "
+        "keys that it gives (of [mounting], camera.time_offset_s) must not be set here",
         kind="file",
     )
     max_age_days: float = option(
         365.0,
-        "of mounting.file: longest time between its data and the flight; beyond it a note"
-        " advises to calibrate the mounting anew, since screws, dampers and lenses are touched"
-        " within a season; nothing is refused",
+        "longest time between the data of mounting.file and the flight; beyond it a note advises "
+        "to calibrate the mounting anew, since screws, dampers and lenses change within a season",
         unit="d",
         low=0.0,
     )

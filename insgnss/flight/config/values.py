@@ -172,7 +172,7 @@ def _engine(table: OptionTable, key: str, value: Any) -> Any:
     engine = table.text(key)
     if engine not in ENGINES:
         engines = ", ".join(ENGINES)
-        problem = f"{engine!r} is none of {engines}; a program is named on the command line alone"
+        problem = f"{engine!r} is none of {engines}; a program is given only on the command line"
         raise table.error(key, f"{problem}: insgnss process --engine PROGRAM")
     return engine
 

@@ -136,8 +136,8 @@ def export(
         write_names(names, table)
     old, new = next(iter(names.items()))
     note = (
-        f"{len(names)} of {len(eo.images)} images have another name in this export, such as"
-        f" {new!r} for {old!r}; {table.name} lists all: rename the image files accordingly"
+        f"{len(names)} of {len(eo.images)} images have another name in this export, such as "
+        f"{new!r} for {old!r}; rename the image files accordingly ({table.name} lists all)"
     )
     return replace(exported, notes=(note, *exported.notes), files=(exported.file, table))
 
@@ -149,7 +149,7 @@ def _remedy() -> Iterator[None]:
         yield
     except UnfitName as error:
         raise InputError(
-            f"{error} itself, or in the export alone: --rename, output.rename"
+            f"{error} itself, or only in the export with --rename (output.rename)"
         ) from None
 
 
@@ -176,8 +176,7 @@ def _export(
     if form.frames == ():
         if target != ExportFrame():
             raise UsageError(
-                f"export: {name} is the master in its own frame; leave CRS, geoid, frame and"
-                " ground out"
+                f"export: {name} has its own frame; leave CRS, geoid, frame and ground out"
             )
         control = _relative(name, in_frame(eo, TANGENT), eo, options) if options else None
         form.write(eo, path, relative=control)
@@ -186,8 +185,8 @@ def _export(
     if target.crs is not None and is_globe(target.crs):
         if eo.datum is None:
             notes.append(
-                "the datum of the positions is not stated (gnss.datum): PROJ takes WGS 84 for"
-                f" {target.crs}, which may be wrong by some metres"
+                "the datum of the positions is not stated (gnss.datum): WGS 84 is assumed for "
+                f"{target.crs}, which may be wrong by some metres"
             )
         eo, target = in_datum(eo, target.crs), replace(target, crs=None, frame=GEOGRAPHIC)
     kind = _kind(name, form, target)
@@ -225,17 +224,17 @@ def _refuse_unfit(
         )
     if doubles := [image for image, count in Counter(eo.images).items() if count > 1]:
         raise InputError(
-            f"export: {name}: image {doubles[0]!r} stands {eo.images.count(doubles[0])} times; give"
-            " every image a name of its own"
+            f"export: {name}: image {doubles[0]!r} occurs {eo.images.count(doubles[0])} times; "
+            "give every image its own name"
         )
     if unknown := [key for key in options if key not in form.options]:
         takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
         raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
     if eo.rig is not None and (single := [key for key in options if key in form.of_one_camera]):
         raise UsageError(
-            f"export: {name}: {single[0]} is that of one camera, the orientation has"
-            f" {', '.join(eo.rig.names)}; export each by itself (--camera NAME,"
-            " eo.of_camera(NAME) in Python)"
+            f"export: {name}: {single[0]} holds for one camera, but the orientation has "
+            f"{', '.join(eo.rig.names)}; export each camera alone (--camera NAME, "
+            "eo.of_camera(NAME) in Python)"
         )
 
 
@@ -250,8 +249,8 @@ def on_area(projection: MapProjection, lat: Array, lon: Array) -> Iterator[str]:
     outside = projection.outside(lat, lon)
     if outside:
         yield (
-            f"{projection.name} is made for: {projection.horizontal.area_of_use.name}; {outside} of"
-            f" {lat.size} images lie outside: is it the right CRS?"
+            f"{outside} of {lat.size} images lie outside of the area of {projection.name} "
+            f"({projection.horizontal.area_of_use.name}); check the CRS"
         )
 
 
@@ -265,8 +264,8 @@ def _relative(
     noise = options.pop("noise", None)
     if noise is None:
         raise UsageError(
-            f"export: {name} needs the noise of the gyroscopes for its weights; name their noise"
-            " model, such as --set noise=navchip"
+            f"export: {name} needs the noise of the gyroscopes for its weights; name the IMU's "
+            "noise model, such as --set noise=navchip"
         )
     return relative_of(framed, eo, noise, **options)
 
@@ -341,27 +340,24 @@ def _notes(
     if projection.units != (METRE, METRE) and not units_chosen:
         plan, height = (unit.plural for unit in projection.units)
         units = plan if plan == height else f"{plan}, heights in {height}"
-        yield (
-            f"{projection.name} counts in {units}; standard deviations of positions are in the same"
-            " unit"
-        )
+        yield (f"coordinates in {projection.name} and their standard deviations are in {units}")
     operation, accuracy = projection.operation()
     costs_nothing = 0.0 <= accuracy <= SAME_M and projection.shift_m(*framed.geodetic.T) < NULL_M
     if (accuracy < 0.0 or accuracy > ACCURATE_M) and not costs_nothing:
         how = "unknown accuracy" if accuracy < 0.0 else f"an accuracy of {accuracy:g} m"
         yield (
-            f"{projection.name}: its datum was reached by {operation}, of {how}; control points in"
-            " that CRS may be off by as much; name the datum of the base's coordinates (gnss.datum)"
+            f"datum of {projection.name}: reached by {operation}, of {how}; control points in "
+            "that CRS may be off by as much; name the datum of the base's coordinates (gnss.datum)"
         )
     if projection.northing_first and not form.crs_order:
         yield (
-            f"{projection.name} counts northing before easting; the file has easting first: check"
-            " the order when importing"
+            f"the file has easting before northing, unlike {projection.name}; check the order "
+            "when importing"
         )
     if not projection.crs.is_compound and projection.geoid is None:
         yield f"heights are {projection.heights}, not above sea level"
     if framed.frame.scaled_from_m is None:
         yield (
-            "heights are not multiplied by the map scale factor, as tools with control points"
-            " expect; --ground (ground_m in Python) scales them"
+            "heights are true heights, not multiplied by the map scale factor, as tools with "
+            "control points expect; --ground (ground_m in Python) scales heights"
         )

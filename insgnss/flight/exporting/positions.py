@@ -75,8 +75,8 @@ def export_positions(
     if antenna := int((positions.of_camera == 0.0).sum()):
         notes.insert(
             0,
-            f"{antenna} of {len(positions.images)} positions are of the antenna, not of the camera:"
-            " give the bundle adjustment the lever arm, or let it estimate it",
+            f"{antenna} of {len(positions.images)} positions are of the antenna, not of the "
+            "camera; give the bundle adjustment the lever arm, or estimate it there",
         )
     return Exported(path, cameras.frame.name, tuple(notes), helpers=tuple(helpers), format=name)
 

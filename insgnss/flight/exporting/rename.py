@@ -79,8 +79,8 @@ def other_names(images: Sequence[str], rules: Sequence[str | Path]) -> tuple[str
         alike = (old for old, new in zip(images, names, strict=True) if new == twice[0])
         first, second = islice(alike, 2)
         raise InputError(
-            f"rename: images {first!r} and {second!r} would both be called {twice[0]!r}; give names"
-            " that differ, such as by a table old,new"
+            f"rename: images {first!r} and {second!r} would both be called {twice[0]!r}; give "
+            "different names, such as by a table old,new"
         )
     return tuple(names)
 
@@ -93,17 +93,19 @@ def _names_of(rule: str | Path, images: list[str]) -> Callable[[str], str]:
         table = read_names(Path(rule))
         if not any(name in table for name in images):
             raise UsageError(
-                f"rename: {rule} names none of the {len(images)} images, such as {images[0]!r};"
-                " its first column must hold their present names"
+                f"rename: {rule} names none of the {len(images)} images, such as {images[0]!r}; "
+                "write the present image names into its first column"
             )
         return lambda name: table.get(name, name)
     text = str(rule)
     if "=" not in text:
-        raise UsageError(f"rename: {text!r} is no file, not OLD=NEW and none of {', '.join(RULES)}")
+        raise UsageError(
+            f"rename: {text!r} is neither a file nor OLD=NEW nor one of {', '.join(RULES)}"
+        )
     cuts = [k for k, sign in enumerate(text) if sign == "="]  # names may have one too
     pairs = [(text[:k], text[k + 1 :]) for k in cuts if text[:k] in images and text[k + 1 :]]
     if not pairs:
-        raise UsageError(f"rename: {text!r}: there is no such image; {images[0]!r} is one")
+        raise UsageError(f"rename: {text!r}: no image has this name; one is {images[0]!r}")
     return lambda name: pairs[0][1] if name == pairs[0][0] else name
 
 

@@ -71,8 +71,8 @@ def refuse_replacing(staging: Staging, out: Path, named: bool, frame: str) -> No
         code = re.sub(r"[^A-Za-z0-9+]+", "", frame.split()[0])
         renamed = out.with_name(f"{out.stem}_{code}{out.suffix}")
         raise UsageError(
-            f"export: {out} was written by the run itself, in {frame_before}, and this export is in"
-            f" {frame}; give --out {renamed}, or --force"
+            f"export: {out} is a product of the flight in {frame_before}, and this export is in "
+            f"{frame}; give --out {renamed}, or --force"
         )
     if named:
         raise UsageError(

@@ -80,8 +80,8 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
     at_rest = scatter < SCATTER_AT_REST * typical
     units = {} if force_unit == "m/s^2" else {"accel": force_unit}
     evidence = (
-        f"median of |f| {typical:.5g}, scatter {scatter:.2g}; gravity is {STANDARD_GRAVITY:.3f}"
-        " m/s^2"
+        f"median size of the specific force {typical:.5g}, scatter {scatter:.2g}; gravity is "
+        f"{STANDARD_GRAVITY:.3f} m/s^2"
     )
     findings = [
         answer(
@@ -117,8 +117,8 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
         evidence = f"mean rate {mean:.4g}; the Earth turns by {EARTH_RATE:.4g} rad/s"
         return 1.0, answer("gyro unit", "rad/s", 0.95, evidence)
     evidence = (
-        f"scatter of a sample {scatter:.3g}; at rest only the Earth's rotation can show the unit,"
-        f" and the mean rate ({mean:.3g}) does not match it"
+        f"noise of a gyro sample {scatter:.3g}; at rest only the Earth's rotation can show the "
+        f"unit, and the mean rate ({mean:.3g}) does not match it"
     )
     if scatter < NOISIEST_GYRO:
         return 1.0, unknown("gyro unit", evidence)
@@ -127,8 +127,8 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
             "gyro unit", "deg/s", 0.5, f"{evidence}; in rad/s no sensor is that noisy"
         )
     evidence = (
-        f"{evidence}; neither rad/s nor deg/s is that noisy at rest, so these are counts: give"
-        " imu.units gyro of one count"
+        f"{evidence}; no sensor is that noisy in rad/s or deg/s, so the values are counts; give "
+        "the value of one count in imu.units gyro"
     )
     return QUIET_GYRO / scatter, unknown("gyro unit", evidence)
 
@@ -167,8 +167,8 @@ def _earth_rate_finding(mean_gyro: Array, sensing: Sensing) -> Finding:
     sigma = float(np.linalg.norm(sensing.rest_gyro)) / np.sqrt(sensing.rest_s)
     deg_h = np.degrees(3600.0)
     evidence = (
-        f"mean rate at rest {rate * deg_h:.2f} deg/h +- {sigma * deg_h:.2g} by its noise; the"
-        f" Earth's is {EARTH_RATE * deg_h:.2f}"
+        f"mean rate at rest {rate * deg_h:.2f} +- {sigma * deg_h:.2g} deg/h; the Earth's rotation "
+        f"is {EARTH_RATE * deg_h:.2f}"
     )
     if sensing.sees_earth:
         return answer(
@@ -178,5 +178,5 @@ def _earth_rate_finding(mean_gyro: Array, sensing: Sensing) -> Finding:
         "Earth rate",
         "not seen",
         0.95,
-        f"{evidence}: at rest only roll and pitch can be determined, no heading",
+        f"{evidence}: at rest only roll and pitch can be determined, not the heading",
     )

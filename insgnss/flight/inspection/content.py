@@ -55,20 +55,20 @@ def draft_noise(draft: Draft, sensing: Sensing) -> None:
         "imu",
         "noise",
         NOISE_FILE,
-        f"no shipped model fits: {measured}; class by this: {sensing.grade}",
+        f"no shipped noise model fits ({measured}); the sensor is of the class {sensing.grade}",
     )
     draft.noise = noise_model(sensing, draft.tables[""][0].value)
     bias = (
-        "the mean rate at rest sets the turn-on bias of the gyros"
+        "the turn-on bias of the gyros is set from the mean rate at rest"
         if sensing.rest_s > 0.0
         else "no stationary period: turn-on biases are a-priori"
     )
     draft.noise_why = (
         f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
         (
-            f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes, scale factors and"
-            f" misalignments a-priori of a {sensing.grade} sensor. Static recordings show the"
-            " noise better: insgnss tune."
+            f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes, scale factors and "
+            f"misalignments are a-priori values of a {sensing.grade} sensor. Static recordings "
+            "give a better noise model: insgnss tune."
         ),
     )
 
@@ -77,12 +77,12 @@ KNOWN_S = 0.005  # a latency known to this needs no state
 LEVER_SIGMA_M = 1.0  # an antenna on the roof of a car
 DRAFT_REMARKS = (
     "Drafted by insgnss inspect from the recording itself; the evidence is above each key.",
-    "Keys that are commented out are not settled by the data: check these by hand.",
+    "The data do not determine keys that are commented out; check these by hand.",
 )
-NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
+NEEDS_FIXES = "IMU samples alone give no position; give the file of GNSS fixes as well"
 NEEDS_POSITION = (
-    "a static recording needs a position to become a flight: set gnss.stationary = [latitude,"
-    " longitude, height] in a flight file; as it is, insgnss tune makes a noise model of it"
+    "a static recording needs a position to become a flight; set gnss.stationary = [latitude, "
+    "longitude, height] in a flight file, or make a noise model of the recording with insgnss tune"
 )
 
 
@@ -146,7 +146,7 @@ def draft_flight(
                 draft.add("camera", key, source.keys[key], reason, reason != SCALE_OPEN)
         draft.add("camera", "clock", *recorded.event_clock)
     elif rover_events:
-        text = f"{rover_events} camera events are in the rover's file; name their images"
+        text = f"{rover_events} camera events are in the rover's file; name the images"
         draft.add("camera", "images", "photos", text, False)
     _mounting(draft, "events" in by_role or bool(rover_events))
     if gnss is not None or raw_gnss:
@@ -222,8 +222,8 @@ def _units(
     sign = recognition.finding("force sign")
     if recognition.accel_sign < 0 and not recognition.exchanges:
         mirrored = (
-            "exchanged latitude and longitude, or a wrong sign of one of them, would look the same:"
-            " check them"
+            "exchanged latitude and longitude, or a wrong sign of one, would look the same; check "
+            "both"
         )
         draft.add("imu", "accel_sign", -1, f"{in_words(sign)}; {mirrored}", sign.confidence > SURE)
 
@@ -278,8 +278,7 @@ def _gnss(
         draft.add("gnss", "quality_sigma_m", floors, f"{why}: standard deviations that cover this")
     if source.free_height:
         why = (
-            "heights may be above the geoid; the geoid's height above the ellipsoid would then go"
-            " here"
+            "if the heights are above the geoid, write the geoid's height above the ellipsoid here"
         )
         draft.add("gnss", "undulation_m", 0.0, source.why.get("undulation_m", why), sure=False)
     if recognition is None or not np.isfinite(recognition.time_offset_sigma_s):
@@ -310,7 +309,7 @@ def _mounting(draft: Draft, camera: bool) -> None:
         "mounting",
         "antenna_m",
         unknown,
-        "lever arms are not in the files: measure them, in m from the camera in camera axes",
+        "the files hold no lever arms; measure the vector from the camera in camera axes, m",
         drawing=drawn_in_letters(camera_axes, unknown, unknown),
     )
     if camera:
@@ -319,7 +318,7 @@ def _mounting(draft: Draft, camera: bool) -> None:
             "mounting",
             "camera_from_body",
             camera_axes,
-            "as in the published data sets; check it for this drone",
+            "axes of the camera as in the published data sets; check these for this drone",
             False,
         )
 
@@ -328,9 +327,9 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | Non
     sigma = np.inf if recognition is None else recognition.time_offset_sigma_s
     if not sigma < KNOWN_S:
         latency = (
-            f"the latency is known to {1e3 * sigma:.0f} ms only"
+            f"the time offset is known to {1e3 * sigma:.0f} ms only"
             if np.isfinite(sigma)
-            else "the latency is not known"
+            else "the time offset is not known"
         )
         draft.add("filter", "time_offset", True, f"{latency}; the filter estimates what remains")
     if draft.noise is not None and draft.noise.gyro[0].scale_factor:
@@ -338,22 +337,22 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | Non
             "filter",
             "scale_factor",
             True,
-            "no calibration of this sensor is known, so that scale errors of 1 % are allowed for:"
-            " 3.6 deg in a turn of 360 deg",
+            "the sensor is not calibrated, so scale errors of 1 % are estimated (3.6 deg in a "
+            "turn of 360 deg)",
         )
         draft.add(
             "filter",
             "misalignment",
             True,
-            "nor are its axes square to each other; how the gyros are turned in their case counts"
-            " as bore-sight",
+            "the sensor axes may not be orthogonal, so misalignments are estimated; a rotation of "
+            "the gyros in their case counts as bore-sight",
         )
     draft.add(
         "filter",
         "lever_arm",
         True,
-        "the lever arm is not known, so the filter estimates it; its uncertainty, which the report"
-        " states, goes into the positions of all images. Measure it and delete both keys",
+        "the lever arm is not known, so the filter estimates it, and its uncertainty makes the "
+        "positions of all images less accurate. Measure the lever arm and delete both keys",
     )
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
     coded = gnss is not None and gnss.quality is not None

@@ -33,7 +33,7 @@ class FlightInspection(Inspected):
         )
         headline = f"{self.name}: {len(self.checks)} checks of the recording"
         unrecognised = [f"not recognised: {self.unrecognised}"] if self.unrecognised else []
-        title = "What the data show, read as the flight file says"
+        title = "What the data show when they are read as the flight file states"
         shown = (Section(title, unrecognised), findings_section(title, self.findings))
         return Document(self.name, headline, verdict, (checked(self.checks), *shown)).text()
 
@@ -93,7 +93,7 @@ def inspect_flight(path: Path | Flight, progress: Progress = quiet) -> FlightIns
     if flight.gnss.stationary is not None:
         unrecognised = "the sensor is stationary"
     elif recording.recognition is None:
-        unrecognised = "not recognised while a check contradicts the flight file"
+        unrecognised = "nothing is recognised as long as a check contradicts the flight file"
     else:
         findings = recording.recognition.findings
     return FlightInspection(flight.name, _checks(flight, recording), findings, unrecognised)

@@ -49,10 +49,10 @@ LOG_TABLES: dict[Role, tuple[str, ...]] = {
 NO_SIGMAS = {
     "sigma_m": NO_SIGMA,
     "sigma_velocity_mps": (
-        "no standard deviations of the velocity in the file: these are typical of a receiver"
+        "the file has no standard deviations of the velocity; the values are typical of a receiver"
     ),
 }
-LOG_SIGMA = "used where the log gives no standard deviations: typical of a single-point receiver"
+LOG_SIGMA = "standard deviations typical of a single-point receiver, used where the log gives none"
 DEEPEST, MOST_FILES = 6, 3000  # folders below the one given; more is no single recording (chosen)
 
 
@@ -148,7 +148,7 @@ def _refusal_reason(path: Path) -> str:
     if suffix in RAW_OBSERVATIONS or (
         len(suffix) == 4 and suffix[1:3].isdigit() and suffix[3] in "onghp"
     ):
-        return "raw observations; give antenna positions that an engine made of them"
+        return "raw GNSS observations; give antenna positions that a GNSS engine computed from them"
     if path.name.lower() in OWN_PRODUCTS:
         return "a product of insgnss"
     text = suffix not in ARRAY_ENDINGS

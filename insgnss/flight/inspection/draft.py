@@ -114,8 +114,8 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
     if existing and not force:
         verb = "exists" if len(existing) == 1 else "exist"
         raise UsageError(
-            f"{', '.join(existing)} already {verb}; nothing written; give another path with"
-            " --write FLIGHT, or overwrite with --force"
+            f"{', '.join(existing)} already {verb}, so nothing was written; give another path "
+            "with --write FLIGHT, or overwrite with --force"
         )
     with together():
         for file, content in parts.items():

@@ -24,8 +24,8 @@ FEWEST_OF_SAMPLES = 5  # stamps that are those of samples
 # digits of a stamp of an event per sample interval: rounding does not make them equal
 LONGER = 20.0
 SCALE_OPEN = (
-    "the file does not say of which scale its dates are: utc, gpst (18 s apart), or local time such"
-    " as utc+02:00; inspected as UTC, choose it"
+    "the file does not state the time scale of its dates, and UTC was assumed; choose utc, gpst "
+    "(18 s apart) or local time such as utc+02:00"
 )
 HOURS = range(-12, 15)  # zones of the clocks of cameras, h ahead of UTC
 # share of the exposures that may lie off the lines in the right scale: ferry, a start in a turn
@@ -60,26 +60,35 @@ def clock_of_events(
     if gnss is None or events is None or of_gnss is None or of_events is None:
         return "imu", "no fixes, or no exposures", False
     if of_events.path == of_imu.path:
-        return "imu", "the exposures are in the log of the IMU, stamped by its clock", True
+        return (
+            "imu",
+            ("the exposures are in the log of the IMU, on the IMU's clock"),
+            True,
+        )
     if of_events.path == of_gnss.path:
         return "receiver", "the exposures are in the file of the fixes", True
     if form == "mrk":
-        return "receiver", "a file of marks (.MRK), which the receiver of the drone writes", True
-    if form == "events_pos":
-        return "receiver", "time marks of the receiver, as RTKLIB writes them", True
-    if events.gps_week is not None and gnss.gps_week is not None and imu.gps_week is None:
-        why = (
-            "the exposures carry GPS week or date as the fixes do; the samples only count"
-            " seconds of their own"
+        return (
+            "receiver",
+            ("exposures in a file of marks (.MRK) of the drone's receiver"),
+            True,
         )
+    if form == "events_pos":
+        return (
+            "receiver",
+            "the exposures are time marks of the receiver, as RTKLIB writes them",
+            True,
+        )
+    if events.gps_week is not None and gnss.gps_week is not None and imu.gps_week is None:
+        why = "exposures and fixes have a GPS week or date; the IMU samples only count seconds"
         return "receiver", why, True
     if _are_samples(events, imu):
-        return "imu", "each stamp is that of a sample", True
+        return "imu", "each time stamp is that of an IMU sample", True
     return (
         "receiver",
-        "the files do not show which clock stamps the exposures: the IMU's is assumed; if the"
-        ' receiver does (event input, hot-shoe), set "receiver": a time offset of the fixes then'
-        " moves the exposures, too",
+        "the files do not show which clock stamps the exposures, and the IMU's is assumed; if it "
+        'is the receiver\'s (event input, hot-shoe), set "receiver", and a time offset of the '
+        "fixes then moves the exposures, too",
         False,
     )
 
@@ -117,9 +126,9 @@ def scale_of_dates(
     ):
         return source, events
     why = (
-        f"the file does not state the scale: as {best_scale} {count - misses[best_scale]} of"
-        f" {count} exposures lie on straight flight lines, as {second_scale}"
-        f" {count - misses[second_scale]}"
+        f"the file does not state the time scale: with {best_scale} {count - misses[best_scale]} "
+        f"of {count} exposures lie on straight flight lines, with {second_scale} "
+        f"{count - misses[second_scale]}"
     )
     keys = source.keys | {"time_scale": best_scale}
     return replace(source, keys=keys, why=source.why | {"time_scale": why}), read[best_scale]
@@ -152,7 +161,7 @@ def on_clock_of_samples(
         return source, events
     if not ((imu.time[0] <= read.time) & (read.time <= imu.time[-1])).any():
         return source, events
-    why = "the column of this name stamps the samples too"
+    why = "the column of this name also has the time stamps of the IMU samples"
     keys = source.keys | {"columns": on_sample_clock} | units
     return replace(
         source, keys=keys, why=source.why | dict.fromkeys(("columns", *units), why)

@@ -59,7 +59,7 @@ def unit_contradictions(source: InputSource, recognition: Recognition) -> Iterat
         text = f"{factor:.4g} times what the file says: {finding.evidence}"
         if units is None:
             question = Question(f"unit of {key}", f"the {key} values in the unit of its format")
-            advice = "the values are not in the unit that this format prescribes; convert the file"
+            advice = "the values are not in the unit of this format; convert the file"
             yield question.contradiction(text, advice)
         else:
             expected = f"the {key} values in the unit of {units[key]}, as its header says"
@@ -78,11 +78,11 @@ def in_counts(source: InputSource, recognition: Recognition) -> Iterator[Finding
         if finding.confidence or not (accel_counts if key == "accel" else recognition.gyro_counts):
             continue
         worth = f" (gravity makes it about {recognition.accel_factor:.4g})" * (key == "accel")
-        question = Question(f"unit of {key}", "a unit that is known, or the value of a count")
+        question = Question(f"unit of {key}", "a known unit, or the value of one count")
         yield question.contradiction(
             finding.evidence,
-            f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives it,"
-            " and whether they are increments",
+            f"give the value of one count{worth} in imu.units {key} from the data sheet of the "
+            "sensor, and whether samples are increments",
         )
 
 
@@ -91,8 +91,8 @@ def assumed_rate(source: InputSource) -> Iterator[Finding]:
     if "rate_hz" in source.keys:
         yield Question("IMU rate", "a clock, or the rate of the sensor").contradiction(
             f"no column of time; {source.keys['rate_hz']:g} Hz assumed",
-            "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of"
-            " time in imu.columns",
+            "set imu.rate_hz to the sampling rate of the sensor, accurate to 1e-5, or name the "
+            "time column in imu.columns",
         )
 
 
@@ -106,8 +106,8 @@ def strangers(recognition: Recognition) -> Iterator[Finding]:
     elif not clock.confidence and recognition.compared:
         yield Question("common motion", "one time offset that explains the motion").note(
             clock.evidence,
-            "if it moved, check that samples and fixes are of one recording; no time offset is"
-            " better than all others",
+            "if the vehicle moved, check that IMU samples and fixes are of one recording, as no "
+            "time offset is better than others",
         )
 
 
@@ -149,7 +149,7 @@ def likely_axes(source: InputSource, imu: ImuSamples, recognition: Recognition |
         unsure = (
             ""
             if finding.confidence > SURE
-            else "; the vertical is certain, forward is the likeliest: check how it was mounted"
+            else "; the vertical is certain, the forward axis only likely: check the mounting"
         )
         return AxesFound(recognition.axes, in_words(finding) + unsure, vertical.confidence > SURE)
     if source.axes:
@@ -161,9 +161,9 @@ def likely_axes(source: InputSource, imu: ImuSamples, recognition: Recognition |
     )
     forward = "xyz"[directions.split().index("forward")]
     why = (
-        f"gravity shows the vertical, the IMU's {axis} axis; the motion does not show which way is"
-        f" forward, so the body's forward is defined as {forward} here, and"
-        " mounting.camera_from_body refers to it"
+        f"gravity shows that the IMU's {axis} axis is vertical; the motion does not show the "
+        f"forward axis, so {forward} is taken as forward, to which mounting.camera_from_body "
+        "refers"
     )
     return AxesFound(directions, why, steady)
 

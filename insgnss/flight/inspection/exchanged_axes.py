@@ -40,9 +40,9 @@ def right_handed(
         source.path, exchange.pair, keys.get("columns"), keys.get("rate_hz"), keys.get("accel_file")
     )
     finding = (
-        f"left-handed: {a} and {b} are exchanged in gyro and accelerometer alike, or one of their"
-        f" signs is reversed in both; with {a} and {b} exchanged"
-        f" {exchange.recognition.finding('gyro triad').evidence}"
+        f"the axes are left-handed: {a} and {b} are exchanged in gyro and accelerometer, or one "
+        f"of their signs is reversed in both; with {a} and {b} exchanged "
+        f"{exchange.recognition.finding('gyro triad').evidence}"
     )
     if columns is None:
         advice = f"exchange {a} and {b} of gyro and accelerometer in the file"
@@ -50,7 +50,7 @@ def right_handed(
         return source, replace(imu, notes=(*imu.notes, check)), recognition
     check = Question("IMU columns", "right-handed axes").note(
         finding,
-        "the draft exchanges them in imu.columns: see how the sensor's axes are printed on it",
+        "check the axes printed on the sensor; the draft exchanges both columns in imu.columns",
     )
     imu = exchanged(imu, exchange.pair)
     return (

@@ -71,7 +71,7 @@ def in_words(camera_from_body: ArrayLike, vector: ArrayLike) -> str:
     """Return how far a place is forward, right and down of the camera, in words."""
     T, a = (np.asarray(values, dtype=np.float64) for values in (camera_from_body, vector))
     if not a.any():
-        return "at the camera, since nothing says otherwise: measure it from the lens"
+        return "at the camera, as no value is given; measure the vector from the lens"
     b = T.T @ a
     sentences = [
         f"{abs(x):.3f} m {BODY_DIRECTIONS[2 * k + (0 if x > 0.0 else 1)]}"

@@ -42,7 +42,7 @@ def inspection_document(result: InspectionData, charts: Sequence[Chart] = ()) ->
     if result.written:
         next_ = f"next: insgnss process {result.written[-1]}"
     elif not result.missing:
-        next_ = "next: insgnss inspect ... --write writes a flight file of this"
+        next_ = "next: write a flight file of these findings with insgnss inspect ... --write"
     left_out = [x.why if x.problem else f"{x.path}: {x.why}" for x in result.left_out]
     unsure = [f.name for f in result.findings if f.confidence < SURE]
     at_place = [name for name in unsure if name in AXIS_CHECKS] if _hovers(result) else []
@@ -50,7 +50,8 @@ def inspection_document(result: InspectionData, charts: Sequence[Chart] = ()) ->
     every = "every finding"
     if at_place:
         every = (
-            f"it stays in one place, which does not show {', '.join(at_place)}; every other finding"
+            f"the vehicle stayed in place and does not show {', '.join(at_place)}; every other "
+            "finding"
         )
     notes = [check.name for check in result.checks if check.verdict == "note"]
     doubts = {
@@ -135,16 +136,16 @@ def _sensor(s: Sensing, gyro_counts: float | None) -> Iterator[str]:
         return
     axis = int(np.argmax(np.abs(s.mean_accel)))
     yield (
-        f"at rest {s.rest_s:.0f} s in {len(s.stationary)} stationary"
-        f" periods{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2,"
-        f" {'xyz'[axis]} points {'up' if s.mean_accel[axis] > 0 else 'down'}; mean rate"
-        f" {_three_numbers(s.mean_gyro / factor)} {unit}"
+        f"at rest for {s.rest_s:.0f} s in {len(s.stationary)} stationary "
+        f"periods{', all of it' if s.is_static else ''}: specific force {s.gravity:.5g} m/s^2, "
+        f"{'xyz'[axis]} points {'up' if s.mean_accel[axis] > 0 else 'down'}; mean rate "
+        f"{_three_numbers(s.mean_gyro / factor)} {unit}"
     )
     if s.sees_earth:
         size = float(np.linalg.norm(s.mean_gyro))
         yield (
-            f"the gyros see the Earth turn: {size / DEG_PER_H:.2f} of"
-            f" {EARTH_RATE / DEG_PER_H:.2f} deg/h, so they can find north at rest"
+            f"the gyros sense the Earth's rotation, {size / DEG_PER_H:.2f} of "
+            f"{EARTH_RATE / DEG_PER_H:.2f} deg/h, so they can find north at rest"
         )
 
 

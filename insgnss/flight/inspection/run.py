@@ -102,7 +102,7 @@ class Inspection(InspectionData, Charted):
         columns = [
             list(c) for c in ([x for x in charts if x not in other_charts], other_charts) if c
         ]
-        title = f"{self.name}: what the IMU felt and what GNSS saw"
+        title = f"{self.name}: IMU measurements and GNSS motion"
         return draw_sheet(columns, title, answers_in_words(self.recognition.findings))
 
     def summary(self) -> str:
@@ -205,8 +205,8 @@ def _choose(
     if not samples:
         listed = _listed(discovery) or "no files that could be a recording"
         raise InputError(
-            f"{where}: no samples of an IMU found; there are {listed}; name its file, or say its"
-            " columns in a flight file"
+            f"{where}: no IMU samples found; there are {listed}; name the IMU's file, or give its "
+            "columns in a flight file"
         )
     if len(samples) > 1:
         names = some((source.title for source in samples), MOST_LISTED)
@@ -272,7 +272,7 @@ def _read(
     fixes = None if gnss is None else read_gnss(gnss.path, **_spec(gnss))
     if gnss is not None and fixes is not None and "undulation_m" in gnss.keys:
         finding = gnss.why["undulation_m"].partition(":")[0]
-        advice = "set gnss.undulation_m, without which the flight is not processed"
+        advice = "set gnss.undulation_m; without this key the flight is not processed"
         ask = note("GNSS position", finding, "heights above the ellipsoid", advice)
         fixes = replace(fixes, notes=(*fixes.notes, ask))
     return samples, fixes, None if events is None else read_events(events.path, **_spec(events))
@@ -302,7 +302,7 @@ def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:
     in_file = date is not None
     if date is None:
         date = np.datetime64(int(path.stat().st_mtime), "s").astype("datetime64[D]")
-        origin = f"the date of the file {path.name}, as no file gives the week; correct it"
+        origin = f"the date of {path.name}, as no file gives the GPS week; correct this week"
     week = int((date - np.datetime64("1980-01-06")).astype("timedelta64[D]").astype(int) // 7)
     return week if in_file else NO_WEEK, (week, f"of {date}, {origin}")
 
@@ -313,12 +313,12 @@ def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> tuple[Recognition | N
         return None, "no fixes of a receiver"
     absurd = max(float(np.abs(imu.gyro).max()), float(np.abs(imu.accel).max()))
     if absurd > LARGEST:
-        return None, f"a reading of {absurd:.3g}, which is none of a sensor"
+        return None, f"a value of {absurd:.3g}, which no sensor can measure"
     span, kept = float(imu.time[-1] - imu.time[0]), imu.time.size * nominal_interval(imu.time)
     if span > SPARSEST * kept:
         return (
             None,
-            f"the stamps span {span:.0f} s, the samples fill {kept:.0f} s of them: the clock jumps",
+            f"time stamps span {span:.0f} s, but the samples fill {kept:.0f} s: the clock jumps",
         )
     if imu.gps_week == NO_WEEK:  # no real week, so it must not give the leap seconds
         imu, gnss = replace(imu, gps_week=None), replace(gnss, gps_week=None)

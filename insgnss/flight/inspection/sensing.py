@@ -263,8 +263,8 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
         for sensor, white, turn_on, sigma in of_sensors
     )
     source = (
-        f"{DRAFT_SOURCE}white noise measured in this recording, the rest a-priori of a"
-        f" {sensing.grade} sensor"
+        f"{DRAFT_SOURCE}white noise measured in this recording, other values a-priori of a "
+        f"{sensing.grade} sensor"
     )
     return NoiseModel(name, source, gyro, accel)
 

@@ -15,8 +15,8 @@ Role = Literal["imu", "gnss", "events", "gyro", "accel"]  # the last two: half a
 
 SINGLE_POINT = {"sigma_m": [2.5, 2.5, 5.0], "sigma_velocity_mps": [0.3, 0.3, 0.3]}
 NO_SIGMA = (
-    "no standard deviations in the file: these are typical of a single-point receiver; for RTK"
-    " take 0.02, 0.02, 0.04"
+    "the file has no standard deviations; the values are typical of a single-point receiver; for "
+    "RTK write 0.02, 0.02, 0.04"
 )
 STEP_REASON = "the clock's usual step is"
 SAME_LENGTH = 0.1  # of the logarithm to base ten: recordings end up to a quarter apart
@@ -111,10 +111,7 @@ def on_one_clock(imu: InputSource, gnss: InputSource) -> tuple[InputSource, Inpu
     chosen = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
     if chosen == (imu, gnss) or overlap(chosen[0].span, chosen[1].span) < OVERLAP:
         return imu, gnss
-    why = {
-        "columns": f"{chosen[1].why.get('columns', '')}; of several clocks, those in which IMU and"
-        " fixes overlap"
-    }
+    why = {"columns": f"{chosen[1].why.get('columns', '')}; the time columns in which both overlap"}
     return chosen[0], replace(chosen[1], why=chosen[1].why | why)
 
 
@@ -134,7 +131,7 @@ def as_long_as(imu: InputSource, samples: ImuSamples, fixes: GnssFixes) -> Input
     decade = round(float(ratio))
     if decade == 0 or abs(ratio - decade) > SAME_LENGTH:
         return imu
-    comparison = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
+    comparison = f"in {unit} the IMU would record {10.0**ratio:.3g} times as long as the receiver"
     units = {**imu.keys["units"], "time": f"{10.0**-decade:g} {unit}"}
     return replace(
         imu,

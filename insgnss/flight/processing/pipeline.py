@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...base.ahead import compile_ahead
 from ...base.beside import Beside
 from ...base.files import json_ready
@@ -238,6 +240,7 @@ def _report(
         gps_week=recording.gps_week,
         heading_with_antennas_deg=tried_deg.pop(ANTENNA_PAIR, None),
         heading_with_sensors_deg=tried_deg,
+        exposure_sigma_s=_median_stamp_sigma(recording),
     )
     report["constants"] = constants_of(flight, segments)
     ppk = recording.ppk
@@ -245,3 +248,9 @@ def _report(
         quality = json_ready(ppk.quality)
         report["ppk"] = {"engine": ppk.engine, "verdict": ppk.verdict, "quality": quality}
     return report
+
+
+def _median_stamp_sigma(recording: Recording) -> float | None:
+    """Return the standard deviation of the stamps of all exposures, s, median; None: unknown."""
+    sigmas = [c.events.sigma_s for c in recording.cameras if c.events.sigma_s is not None]
+    return float(np.median(np.concatenate(sigmas))) if sigmas else None

@@ -195,6 +195,8 @@ def check_file_sigmas(
     segment = max(segments, key=lambda segment: segment.solution.time.size)
     if flight.gnss.stationary is not None or flight.gnss.gm_sigma != "auto":
         return
+    if any(check.name == "incorrect fixes" for each in segments for check in each.checks):
+        return  # the sigmas of the file are wrong in these spells
     white = replace(
         requested_errors(flight, segment.fixes),
         gm_sigma=None,
@@ -212,7 +214,11 @@ def check_file_sigmas(
         "taken as white noise, the sigmas of the file already explain the innovations (NIS per"
         f" degree of freedom {ratio:.2f}, white); with the larger errors that were adopted,"
         f" sigmas of position are {factor:.1f} times as large",
-        Step("set {} to take the sigmas of the file at their word", SetKey("gnss.gm_sigma", "off")),
+        Step(
+            "compare the images with check points; only where they are as good as white fixes"
+            " promise, set {}",
+            SetKey("gnss.gm_sigma", "off"),
+        ),
     )
 
 

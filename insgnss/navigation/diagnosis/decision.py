@@ -50,7 +50,14 @@ from .sensor_dynamics import (
     late_sensors,
 )
 from .time_correlated import is_suspicious, time_correlated_error
-from .variances import BIAS_NOISE, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
+from .variances import (
+    BIAS_NOISE,
+    LEAST_PROMISE,
+    LEAST_SLOW,
+    OF_IMU,
+    VarianceSearch,
+    with_variances,
+)
 
 OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
 LATE_SENSORS = tuple(one.name for one in DYNAMICS)  # and so are delays of a sensor
@@ -436,12 +443,13 @@ def _time_correlated(
     fixes = state.model.fixes
     if fixes.gm_sigma is not None:
         return None
+    least_gain = 0.0
     if not suspicious.result():
         # what larger noise of the IMU leaves is no error of the fixes
         imu = state.model.imu
         alone = (imu.white_noise, imu.driving_noise) == ((1.0, 1.0), (1.0, 1.0))
         errors = variances.slow_error(search.of_fixes(state.model), fixes) if alone else None
-        parameters = SLOW_PARAMETERS
+        parameters, least_gain = SLOW_PARAMETERS, LEAST_SLOW  # carried by its odds, shown or not
     else:
         search.progress("the innovations are not white: errors of the fixes")
         errors = time_correlated_error(state.solution, search.of_fixes(state.model), fixes)
@@ -451,7 +459,7 @@ def _time_correlated(
         return None
     model = replace(state.model, fixes=errors)
     evidence = variances.evidence_of(search.layout(model), parameters)
-    return max(evidence, 0.0), lambda: _adopted(search, posed, state, model)
+    return max(evidence, 0.0), lambda: _adopted(search, posed, state, model, least_gain)
 
 
 def _resets(solution: Solution) -> int:
@@ -459,8 +467,10 @@ def _resets(solution: Solution) -> int:
     return fix_counts(solution.verdict)[2]
 
 
-def _adopted(search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel) -> Stage:
-    """Solve again with a time-correlated GNSS error.
+def _adopted(
+    search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel, least_gain: float
+) -> Stage:
+    """Solve again with a time-correlated GNSS error, which gains `least_gain` in `misfit` at least.
 
     As long as that loses fixes, it is tried with a larger white share. Where the one that loses
     none has less than half of the gain in `misfit`, which charges each lost fix, what is lost are
@@ -476,7 +486,8 @@ def _adopted(search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorM
             if follows(again) and gain > 0.0 and gain >= MOST_OF_GAIN * most:
                 most, keeps_most = max(most, gain), (model, again)
             if not loses_fixes(again, state.solution):
-                adopted = (model, again) if gain >= LEAST_OF_GAIN * most else keeps_most
+                enough = LEAST_OF_GAIN * most if most > 0.0 else least_gain
+                adopted = (model, again) if gain >= enough else keeps_most
                 break
         model = replace(model, fixes=with_larger_white_share(model.fixes))
     else:

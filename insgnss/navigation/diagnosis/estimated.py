@@ -156,7 +156,7 @@ def state_verdicts(
         Value, sigma and observability of each constant.
     """
     layout = solution.problem.layout
-    speed = rms_speed(solution)
+    speed, length_s = rms_speed(solution), float(solution.time[-1] - solution.time[0])
     verdicts = []
     for s in constant_states(solution, stated):
         state = layout.states[s]
@@ -166,6 +166,8 @@ def state_verdicts(
             moves_m = sigma
         elif s == layout.offset:
             value, moves_m = value + moved_s, sigma * speed
+        elif s == layout.rate:
+            moves_m = sigma * length_s * speed
         of_file = requested is None or state.group in requested
         estimate = Estimate(state, value, sigma, prior, moves_m, of_file)
         if 0 <= layout.barometer == s - 1 and not estimate.observed:

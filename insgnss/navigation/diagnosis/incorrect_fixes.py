@@ -482,10 +482,13 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[FixSpell, ...], do
         f" {1e3 * float(np.linalg.norm(s.step)):.0f} mm"
         for s in spells
     )
-    return Question("incorrect fixes", "one level throughout").note(
+    check = Question("incorrect fixes", "one level throughout").note(
         "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
         f" {some(each, 5, '; ')}; {done}",
         "see the quality of the PPK solution there",
+    )
+    return replace(
+        check, spans_s=tuple((float(time[s.first]), float(time[s.last])) for s in spells)
     )
 
 

@@ -41,7 +41,7 @@ from ..filter.layout import FixErrors
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from ..innovations.likelihood import CORRELATED_STATES, FIX_PARAMETERS, available, linear_segment
-from ..innovations.search import Search
+from ..innovations.search import LAST_GAIN, Search
 from .candidates import (
     WHITER,
     LayoutFactory,
@@ -326,7 +326,8 @@ def _maximum(
     layout = liveliest.problem.layout
     possible = available(layout, bool(liveliest.problem.epochs.has_velocity.any()))
     names = tuple(name for name in possible if name in (*FIX_PARAMETERS, *CORRELATED_STATES))
-    search = Search([linear_segment(liveliest, names)], names, progress, FACTOR_BOUNDS)
+    segment = linear_segment(liveliest, names)
+    search = Search([segment], names, progress, FACTOR_BOUNDS, gain=LAST_GAIN)
     free = np.array([name in FIX_PARAMETERS or not white_only for name in names])
     theta = search.maximum(free).theta
     return dict(zip(names, np.exp(theta).tolist(), strict=True))

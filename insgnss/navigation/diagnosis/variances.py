@@ -52,7 +52,7 @@ from ..innovations.likelihood import (
     evaluate,
     linear_segment,
 )
-from ..innovations.search import Maximum, Search
+from ..innovations.search import LAST_GAIN, Maximum, Search
 from .candidates import (
     ErrorModel,
     LayoutFactory,
@@ -72,21 +72,24 @@ FAMILIES = {
 }
 OF_IMU = ("IMU white noise", BIAS_NOISE)
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
-LAST_GAIN = 0.01  # gain of a step in -2 log L that ends the search: a tenth of a sigma of a factor
 MOST_FIXES_JUDGED = 3000  # of the part that is looked at: five minutes at 10 Hz
-# gain of a slow error of the fixes from which on it is not excluded: noise does it in one flight of
+# gain of an error of the fixes from which on it is not excluded: noise does it in one flight of
 # thirty
 LEAST_AVERAGED = 2.5
+# gain of `SLOW_FIRST` from which on the average is carried: white fixes have -12 to -4.5, and there
+# it would add 3 mm to 6 mm; 2 cm over 60 s have 15, but the same rate has left -2.5
+LEAST_SLOW = -4.0
 LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
 SLOW_FIRST = (0.5, 60.0)  # share and correlation time (s) that are looked at first
 NO_STEP = 0.02  # log of the white factor, up to which (V.1) is exact to 0.2 for 3000 fixes
 # a-priori probabilities of the share of the white error: beside 1 to 2 cm of noise carrier-phase
-# multipath has some 5 mm, rarely as much as the noise
-SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.17, 1.5: 0.03}
+# multipath has some 5 mm, rarely as much as the noise; positions 4 cm off under 2 cm occur
+SHARES = {0.25: 0.45, 0.5: 0.35, 1.0: 0.15, 1.5: 0.04, 2.0: 0.01}
 # those of its correlation time, s: of RTK over short baselines about 115 s at rest (Miller, O'Keefe
 # and Gao 2012), less in motion, which changes the reflections; 800 to 1000 s of a network's
-# corrections, which a flight of minutes does not tell from an error of the base
-SLOW_S = {20.0: 0.25, 60.0: 0.35, 120.0: 0.25, 300.0: 0.15}
+# corrections, which a flight of minutes does not tell from an error of the base; their mean, which
+# the covariance follows, is 132 s
+SLOW_S = {20.0: 0.15, 60.0: 0.3, 120.0: 0.3, 300.0: 0.25}
 # both where the innovations show an error. Seconds, of a receiver's filter, are taken where slower
 # errors lose by some 14 in -2 log L (planted ones of 60 s have lost by up to 10), ten minutes are
 # the ionosphere's; what is shown is larger as a rule, up to some claims; from six on hardly rarer,
@@ -284,7 +287,7 @@ class VarianceSearch:
         -------
         FixErrors or None
             `errors` with the time-correlated one; None where the flight speaks against it, by a
-            gain of less than `LEAST_AVERAGED`.
+            gain of less than `LEAST_SLOW`.
         """
         k, without = self._white_share(layout_factory, errors)
         noise = k * errors.white_scale[0]  # which the shares are of, whatever the fixes claim
@@ -296,7 +299,7 @@ class VarianceSearch:
             return {(c, time_s): without - costs[c] for c in shares}
 
         time = self.part.problem.epochs.time
-        (share, time_s), least = SLOW_FIRST, LEAST_AVERAGED
+        (share, time_s), least = SLOW_FIRST, LEAST_SLOW
         if time[-1] - time[0] < LEAST_SPAN * time_s or gains(time_s, (share,))[SLOW_FIRST] < least:
             return None
         every = {key: gain for T in SLOW_S for key, gain in gains(T, tuple(SHARES)).items()}

@@ -29,6 +29,7 @@ SEARCH_STEPS, LAST_CHANGE, LONGEST_STEP = 40, 1e-4, 1.0
 # of a step, l of (N.1): the shortest that is tried (chosen), and the whole
 STEP_BOUNDS = (0.01, 1.0)
 HOPE = 10.0  # gains of the last step, as many as a search may still win (chosen)
+LAST_GAIN = 0.01  # gain of a step in -2 log L that ends a diagnosis: a tenth of a factor's sigma
 # of the information: standard deviations of a logarithm of 1400 and 45 000
 LEAST_INFORMATION, RIDGE = 1e-6, 1e-9
 STARTED = 0.3  # of the search: by then the best of the starts is known
@@ -80,8 +81,7 @@ class Search:
     range_of_fixes : tuple of float
         Bounds of the factors of the fixes.
     gain : float
-        Gain of a step in -2 log L below which it was the last: 0.01 is a tenth of a parameter's
-        standard deviation.
+        Gain of a step in -2 log L below which it was the last.
     """
 
     segments: Sequence[LinearSegment]

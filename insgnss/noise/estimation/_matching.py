@@ -71,20 +71,20 @@ def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[
     """Curves of the same levels and rate as one, exactly (M.1). Raises UsageError for weights that
     are not positive definite.
     """
+    for number, W in enumerate(weights, start=1):
+        try:
+            _scaled_cholesky(W)
+        except np.linalg.LinAlgError:
+            raise UsageError(
+                f"weights of curve {number}: not positive definite; take the interval weights"
+            ) from None
     members_of_kind: dict[tuple[float, tuple[int, ...]], list[int]] = {}
     for i, curve in enumerate(curves):
         members_of_kind.setdefault((curve.rate_hz, tuple(curve.level.tolist())), []).append(i)
     groups = []
     for (rate_hz, _), members in members_of_kind.items():
         W = sum((weights[i] for i in members), np.zeros_like(weights[members[0]]))
-        root_of_diagonal = np.sqrt(np.diag(W))
-        try:
-            L = np.linalg.cholesky(W / np.outer(root_of_diagonal, root_of_diagonal))
-        except np.linalg.LinAlgError:
-            raise UsageError(
-                f"weights of curve {members[0] + 1}: not positive definite; take the interval"
-                " weights"
-            ) from None
+        L, root_of_diagonal = _scaled_cholesky(W)
         scaled = (
             sum((weights[i] @ curves[i].variance for i in members), np.zeros(root_of_diagonal.size))
             / root_of_diagonal
@@ -92,6 +92,17 @@ def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[
         mean = np.linalg.solve(L.T, np.linalg.solve(L, scaled)) / root_of_diagonal
         groups.append(PooledCurves(curves[members[0]].level, rate_hz, L.T * root_of_diagonal, mean))
     return groups
+
+
+def _scaled_cholesky(W: Array) -> tuple[Array, Array]:
+    """Return L (J, J) and d (J,) of W = (d L)(d L)', d the root of W's diagonal. Raises LinAlgError
+    for W that is not positive definite.
+    """
+    diagonal = np.diag(W)
+    if diagonal.min() <= 0.0:
+        raise np.linalg.LinAlgError
+    root = np.sqrt(diagonal)
+    return np.linalg.cholesky(W / np.outer(root, root)), root
 
 
 class Moments:

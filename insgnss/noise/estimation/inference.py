@@ -111,7 +111,7 @@ def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str,
     fitted = first
     scored_fits: list[tuple[float, NoiseFit]] = []
     for step in range(1, 2 * iterations + 1):
-        if step == iterations + 1:
+        if step == iterations + 1 and scored_fits:
             fitted = min(scored_fits, key=lambda scored: scored[0])[1]
         V = covariances(fitted)
         weights = [inverse(block) for block in V]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.quantiles import chi_square_quantile
 from ...geodesy.least_squares import Equations, NormalEquations
 from ...records import Array
 
@@ -86,7 +87,6 @@ def solve_groups(groups: Mapping[str, ResidualGroup], prior: Array, prior_sigma:
         Where the solution does not converge.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import chi2
 
     def linearised(q: Array) -> list[Equations]:
         """Linearise every group, and the prior, by the parameters in units of its sigmas."""
@@ -126,7 +126,7 @@ def solve_groups(groups: Mapping[str, ResidualGroup], prior: Array, prior_sigma:
             redundancy = equations.e.size - group.determined
             square = NormalEquations([equations]).square()
             factor[name] = square / redundancy if redundancy > 0 else 1.0
-            if redundancy > 0 and square > chi2.ppf(FACTOR_CONFIDENCE, redundancy):
+            if redundancy > 0 and square > chi_square_quantile(redundancy, 1.0 - FACTOR_CONFIDENCE):
                 next_factors[name] = factor[name]
         ratios = [np.sqrt(next_factors[name] / inflate[name]) for name in groups]
         if all(abs(ratio - 1.0) < FACTOR_TOLERANCE for ratio in ratios):

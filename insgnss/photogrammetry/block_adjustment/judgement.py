@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...base.findings import Finding, ranked
+from ...base.quantiles import chi_square_quantile
 from ...base.wording import some
 from ...flight.config.block_file import OBSERVATION_GROUPS
 from ...report.rules.wording import lengths, screen_unit
@@ -21,11 +22,12 @@ from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
 from .aerial.relative import WEAK_DATUM
-from .parameters import SIGNIFICANT_SIGMAS, determined, long_lever_arm
+from .aerial.unstated_arm import alike, long_lever_arm, unnoticed
+from .parameters import SIGNIFICANT_SIGMAS, determined
 from .residuals.pattern import Pattern, patterns, repeating
 from .residuals.surveys import shift_of_check_points, two_surveys
 from .solve import GROUND_CONTROL, AdjustedBlock
-from .trials import RIVAL_GAIN, Trial, trials, unnoticed
+from .trials import RIVAL_GAIN, Trial, trials
 from .vehicle.verdict import few_sizes, headline_words, left_out
 
 # of chi-square, either side: one component in a thousand lies outside by chance
@@ -99,9 +101,8 @@ def judged(
     Judgement
         Headline, findings, what was determined.
     """
-    beyond, file = list(_components(figures)), solved.inputs.file
-    drawn = patterns(solved)
-    beyond += _checks(figures)
+    file, drawn = solved.inputs.file, patterns(solved)
+    beyond = [*_components(figures), *_checks(figures)]
     beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
     if not solved.direct:  # errors of the poses repeat from image to image
         beyond += repeating(figures, drawn)
@@ -112,7 +113,7 @@ def judged(
     if contradicted:
         shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
         of_checks = shift_of_check_points(solved)
-        smoothed = solved.inputs.file.aerial_control.relative_weights == "smoothed"
+        smoothed = file.aerial_control.relative_weights == "smoothed"
         done = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
             _explained(
@@ -121,13 +122,12 @@ def judged(
             for one in beyond
         ]
     else:
-        beyond += _hidden(trials_made)
-        beyond += [*unnoticed(solved, trials_made, HIDDEN), *long_lever_arm(file, figures)]
-    findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
-    findings += _weakly_held(figures)
+        beyond += [*_hidden(trials_made), *unnoticed(solved, trials_made, HIDDEN)]
+        beyond += long_lever_arm(solved, figures, trials_made)
+    findings = [*beyond, *_control(figures), *_rejected(figures), *_images(solved)]
+    findings += [*_mounting(figures, alike(trials_made)), *_weakly_held(figures)]
+    findings += [*_lever_arm(solved), *_correlations(figures)]
     findings += [] if solved.inputs.unchecked is None else [solved.inputs.unchecked]
-    findings += [*_images(solved), *_lever_arm(solved)]
-    findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
     accepted = file.adjustment.accept
     wrong = {f.name for f in beyond if f.rank >= TOO_LARGE}
@@ -170,10 +170,10 @@ def _worst_check_points(figures: Mapping[str, Any]) -> float:
 
 def _bounds(redundancy: float) -> tuple[float, float]:
     """Return the two-sided 99.9 % bounds of a variance component."""
-    from scipy.stats import chi2
-
-    low, high = chi2.ppf((1.0 - BOUND_CHANCE, BOUND_CHANCE), redundancy) / redundancy
-    return float(low), float(high)
+    low, high = (
+        chi_square_quantile(redundancy, above) for above in (BOUND_CHANCE, 1.0 - BOUND_CHANCE)
+    )
+    return low / redundancy, high / redundancy
 
 
 def _components(figures: Mapping[str, Any]) -> Iterator[Finding]:
@@ -296,7 +296,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
 
 def _images(solved: AdjustedBlock) -> Iterator[Finding]:
     """Images of whose observations many take no part, which chance does not do."""
-    from scipy.stats import binom
+    from scipy.special import bdtrc
 
     problem = solved.result.problem
     block = problem.block
@@ -308,7 +308,7 @@ def _images(solved: AdjustedBlock) -> Iterator[Finding]:
     missing = np.bincount(observations.image[shared & ~active], minlength=n)
     share = missing / np.maximum(total, 1)
     usual = max(USUAL_REJECTED, 2.0 * float((shared & ~active).sum() / max(1, shared.sum())))
-    chance = binom.sf(missing - 1, total, min(usual, 0.5))
+    chance = bdtrc(missing - 1, total, min(usual, 0.5))
     beyond = np.flatnonzero((share > MOST_OF_IMAGE) & (chance < IMAGE_CHANCE / n))
     if beyond.size:
         worst = int(beyond[np.argmax(share[beyond])])
@@ -355,9 +355,7 @@ def _excess(figures: Mapping[str, Any]) -> float:
 
 def _limit(trial: Trial) -> float:
     """Return the gain that an unknown of no effect has by chance at most."""
-    from scipy.stats import chi2
-
-    return float(chi2.isf(HIDDEN, trial.unknowns))
+    return chi_square_quantile(trial.unknowns, HIDDEN)
 
 
 def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
@@ -368,7 +366,7 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
             yield ranked(
                 trial.name,
                 float(np.sqrt(trial.gain / limit)),
-                f"the observations show a {trial.name} of {trial.shown} that is not estimated:"
+                f"the observations show an unmodelled {trial.name} of {trial.shown}:"
                 f" estimating it lowers the weighted squares of the residuals by {trial.gain:.0f}"
                 f" (by chance {limit:.0f} at most)",
                 f"{trial.remedy}{_rivals(trial, trials_made)}",
@@ -434,7 +432,8 @@ def _rejected(figures: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
-def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
+def _mounting(figures: Mapping[str, Any], instead: Sequence[Trial]) -> Iterator[Finding]:
+    rivals = "".join(f"; {one.name} of {one.shown} looks alike" for one in instead)
     for name, estimate in figures["mounting"].items():
         value, sigma = np.array(estimate["value"]), np.array(estimate["sigma"])
         if (np.abs(value) > SIGNIFICANT_SIGMAS * sigma).any():
@@ -448,7 +447,7 @@ def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
                 "process the flight with --mounting mounting.toml to have it in every product"
                 if estimate["stated_in"] == "flight file"
                 else "the poses that are written have it already"
-                + ("; a delay of the exposures looks alike" * (name == CAMERA_LEVER_ARM)),
+                + rivals * (name == CAMERA_LEVER_ARM),
             )
 
 

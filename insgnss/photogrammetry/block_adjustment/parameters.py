@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ...base.findings import Finding, ranked
 from ...flight.config.block_file import BlockFile
 from ...geodesy.rotation import vector_from_rotation
 from ...records.block import Array
@@ -23,8 +22,6 @@ HELD_M = 1e-4  # standard deviation of a lever arm that is stated and not estima
 # standard deviation of a lever arm that nobody states (m): antennas of drones stand 0.05 to 0.3 m
 # from the camera, and files do not say whether their positions are of the antenna
 UNSTATED_ARM_M = (0.15, 0.15, 0.15)
-LONG_ARM_M = 0.25  # lever arm that nobody states (m), beyond which it must be measured (chosen)
-REFUSED_RANK = 5.0  # of a finding with which no orientation is written (`judgement.TOO_LARGE`)
 
 
 @dataclass(frozen=True)
@@ -268,36 +265,6 @@ def estimates(
                 "sigma_before": before,
             }
     return out
-
-
-def long_lever_arm(file: BlockFile, figures: Mapping[str, Any]) -> Iterator[Finding]:
-    """Say of a lever arm that nobody states and that is long what looks alike.
-
-    Parameters
-    ----------
-    file : BlockFile
-        The block file.
-    figures : mapping
-        Figures of the block.
-
-    Yields
-    ------
-    Finding
-        That no orientation is written until it is measured.
-    """
-    arm = figures["mounting"].get(CAMERA_LEVER_ARM)
-    if arm is None or file.aerial_control.lever_arm_sigma_m != UNSTATED_ARM_M:
-        return
-    value, sigma = np.array(arm["value"]), np.array(arm["sigma"])
-    if np.linalg.norm(value) > LONG_ARM_M and (np.abs(value) > SIGNIFICANT_SIGMAS * sigma).any():
-        shown = " / ".join(f"{1e3 * v:+.0f}" for v in value)
-        yield ranked(
-            CAMERA_LEVER_ARM,
-            REFUSED_RANK,
-            f"positions lie {shown} mm (camera x, y, z) from the projection centres; a lever arm, a"
-            " shift of ground control (geoid, base) and a delay of the exposures look alike",
-            "measure the antenna and state it by --lever-arm, then adjust again",
-        )
 
 
 def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

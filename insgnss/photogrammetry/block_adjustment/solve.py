@@ -17,10 +17,9 @@ from ..adjust.precision import IMAGE, Precision, VarianceComponent, precision_of
 from ..adjust.shutter import without_readout
 from ..adjust.start import first_values
 from ..adjust.unknowns import Key, Unknowns
-from ..adjust.variance_components import reweighted, with_factors
+from ..adjust.variance_components import reweighted
 from .aerial.control import Control, control_of, motion_of_images
 from .inputs import BlockInputs
-from .parameters import UNSTATED_ARM_M
 from .vehicle.control import vehicle_control
 
 GROUND_CONTROL = "ground control"
@@ -234,30 +233,3 @@ def ground_groups(problem: Problem) -> list[PointObservation]:
         One a point; those that were rejected are not there.
     """
     return [group for group in problem.stated_groups if isinstance(group, PointObservation)]
-
-
-def with_arm_held(block: AdjustedBlock) -> AdjustedBlock:
-    """Adjust a block once more with a lever arm held at zero that nobody states.
-
-    Parameters
-    ----------
-    block : AdjustedBlock
-        The block.
-
-    Returns
-    -------
-    AdjustedBlock
-        The same where the arm is stated or estimated as asked for; without tests and covariances
-        of its own.
-    """
-    table = block.inputs.file.aerial_control
-    if table.lever_arm_sigma_m != UNSTATED_ARM_M:
-        return block
-    file = replace(block.inputs.file, aerial_control=replace(table, lever_arm_sigma_m=None))
-    inputs, result = replace(block.inputs, file=file), block.result
-    control = control_of(inputs)
-    groups, blocks = groups_of(inputs, control, ground_groups(result.problem))
-    problem = with_factors(problem_of(result.problem.block, groups, blocks), block.factors)
-    held = adjusted(problem.with_active_of(result.problem), replace(result.values, blocks=blocks))
-    precision = replace(block.precision, result=held)
-    return replace(block, inputs=inputs, control=control, precision=precision)

@@ -10,13 +10,13 @@ rays of a ground point were rejected they take part in each trial. A block that 
 well: bore-sight and camera constant hide most of a lever arm that is 20 cm wrong.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.findings import Finding, ranked
+from ...base.quantiles import chi_square_quantile
 from ...flight.config.block_file import BlockFile
 from ...records.block import Array
 from ...report.rules.wording import screen_unit
@@ -33,12 +33,20 @@ from ..adjust.variance_components import with_factors
 from .aerial.control import control_of, motion_is_known, motion_of_images
 from .inputs import USUAL_FREE, BlockInputs, with_usual_free
 from .mode import CAMERA_HELD
-from .parameters import MOUNTING_PARAMETERS, PARAMETERS, VEHICLE_PARAMETERS, BlockParameter
-from .solve import AdjustedBlock, ground_groups, groups_of, with_arm_held
+from .parameters import (
+    MOUNTING_PARAMETERS,
+    PARAMETERS,
+    SIGNIFICANT_SIGMAS,
+    UNSTATED_ARM_M,
+    VEHICLE_PARAMETERS,
+    BlockParameter,
+)
+from .solve import AdjustedBlock, ground_groups, groups_of
 from .solve import solved as adjusted_block
 from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
 
+INTERIOR_ORIENTATION = "interior orientation"
 CONTROL_SHIFT: Key = ("shift of ground control", 0)
 GAIN_CHANCE = 0.9999  # of chi-square that the fall of the cost must exceed: 1 in 10 000 by chance
 GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation takes away (chosen)
@@ -46,8 +54,8 @@ RIVAL_GAIN = 0.8  # of the gain of the best explanation, from which on another o
 CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas the trial is wrong
 FEWEST_LINES, FEWEST_OF_LINE = 3, 3  # of two lines none is the wrong one; two images are no line
 LEAST_SIGMA_M = 1e-4  # of a projection centre: of held ones no share of zero is taken
+ALIKE_GAIN = 16.0  # squares of sigmas, by which the cost of causes differs that look alike (chosen)
 COVERED_SIGMAS = 4.0  # of a projection centre, within which an error is covered by them
-AXES = ("x axis", "y axis", "viewing direction")
 DRIVING_MPS = 0.1  # of a vehicle (median) whose clock its places show (chosen)
 OTHER_DATUM = "check CRS, heights (geoid or ellipsoid), antenna heights of base and drone"
 OF_TIE_POINTS = "adjust the tie points in mode iso, and take the camera.toml that it writes"
@@ -120,6 +128,9 @@ class Trial:
     moves_sigmas : float
         By how many of its standard deviations it moves a projection centre, of that and the axis
         where it does most.
+    in_place_of_arm : Trial, optional
+        The same in the place of a lever arm that nobody states; it `explains` where that arm fits
+        hardly better.
     """
 
     name: str
@@ -130,6 +141,7 @@ class Trial:
     explains: bool
     remedy: str
     moves_sigmas: float = 0.0
+    in_place_of_arm: "Trial | None" = None
 
     @property
     def unknowns(self) -> int:
@@ -164,9 +176,8 @@ def explains(
     share : float
         Of the excess, which an explanation takes away at least.
     """
-    from scipy.stats import chi2
-
-    return bool(gain > max(chi2.isf((1.0 - GAIN_CHANCE) / candidates, unknowns), share * excess))
+    least = chi_square_quantile(unknowns, (1.0 - GAIN_CHANCE) / candidates)
+    return bool(gain > max(least, share * excess))
 
 
 def trials(
@@ -309,37 +320,6 @@ def _is_line(group: ObservationGroup) -> bool:
     return isinstance(group, AerialControl) and len(group.images) >= FEWEST_OF_LINE
 
 
-def unnoticed(
-    solved: AdjustedBlock, trials_made: Sequence[Trial], chance: float
-) -> Iterator[Finding]:
-    """Say how large a lever-arm error the block would not show; nothing where poses cover it.
-
-    Of nadir images at one height the camera constant takes the part along the viewing direction.
-    """
-    from scipy.stats import chi2
-
-    if not solved.inputs.file.aerial_control.positions_alone:
-        return
-    variance = np.median(np.diagonal(solved.precision.pose_cov, axis1=1, axis2=2), axis=0)[:3]
-    arm = next((one for one in trials_made if one.name == "lever arm"), None)
-    if solved.inputs.file.aerial_control.lever_arm_sigma_m is not None:
-        sigma = np.sqrt(np.diagonal(solved.precision.cov((CAMERA_LEVER_ARM, 0))))
-        size, hidden = sigma.max(), sigma.max() > np.sqrt(0.5 * variance.max())
-        text = "the lever arm (antenna height) and all images are known to {}, as their sigmas say"
-    elif arm is not None:
-        limit, sigma = float(chi2.isf(chance, arm.unknowns)), arm.sigma
-        size = np.sqrt(limit) * sigma.max()
-        hidden = arm.gain <= limit and size > COVERED_SIGMAS * np.sqrt(variance.max())
-        text = "an error of the lever arm (antenna height) of up to {} would go unnoticed and move"
-        text += " all images by as much"
-    else:
-        return
-    if hidden:
-        along = f"{1e3 * size:.0f} mm along the camera's {AXES[int(np.argmax(sigma))]}"
-        advice = "measure it and state it by --lever-arm; oblique images or a second height reveal"
-        yield ranked("lever arm", 0.5, text.format(along), f"{advice} it")
-
-
 def converging(inputs: BlockInputs, progress: Callable[[str], None]) -> Trial | None:
     """Try what makes an adjustment converge that does not as the block file has it.
 
@@ -426,7 +406,7 @@ def _remedies(inputs: BlockInputs) -> Iterator[_LeftOut]:
             yield _LeftOut(one.error or one.name, one.unit, one.key, wider, advice)
     if any(not set(USUAL_FREE) <= set(camera.free) for camera in inputs.block.cameras):
         advice = OF_TIE_POINTS if mode in CAMERA_HELD else "estimate it with camera.free"
-        yield _LeftOut("interior orientation", "px", (CAMERA, 0), file, advice)
+        yield _LeftOut(INTERIOR_ORIENTATION, "px", (CAMERA, 0), file, advice)
 
 
 def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Array:
@@ -438,18 +418,14 @@ def _change(result: Adjusted, key: Key, file: BlockFile, interior: Array) -> Arr
     return value if key == CONTROL_SHIFT else PARAMETERS[key[0]].change(value, file)
 
 
-def _trial_of(judged: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
+def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
     """Estimate what a remedy frees from the solution on, and judge what the rest gains by it."""
-    # along the rays of nadir images an arm that nobody states takes the error of a camera constant
-    solved = with_arm_held(judged) if remedy.key[0] == CAMERA else judged
-    file = remedy.file if solved is judged else solved.inputs.file
     key, inputs, result = remedy.key, solved.inputs, solved.result
-    excess += result.cost - judged.result.cost
     vehicle, began, block = inputs.vehicle, 0.0, result.problem.block
     alone = _without_rays(result.problem)
     if vehicle is not None and key == (VEHICLE_CLOCK, 0) and alone:  # too far off to be linear
         began, vehicle = moved_in_time(vehicle, block, result.values)
-    wider = replace(inputs, file=file, vehicle=vehicle, block=block)
+    wider = replace(inputs, file=remedy.file, vehicle=vehicle, block=block)
     points = ground_groups(result.problem)
     same = wider.file.aerial_control is inputs.file.aerial_control
     groups, first = groups_of(wider, solved.control if same else control_of(wider), points)
@@ -460,24 +436,24 @@ def _trial_of(judged: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
     if key[0] == CAMERA:
         block = with_usual_free(block)
     problem = problem_of(block, groups, blocks)
-    # image observations have their final variances already
-    factors = dict(solved.factors)
-    for name in image_components(block):
-        factors.pop(name, None)
-    problem = with_factors(problem, factors)
-    values = replace(result.values, blocks=blocks)
+    of_images = image_components(block)  # which have their final variances already
+    factors = {name: one for name, one in solved.factors.items() if name not in of_images}
+    problem, values = with_factors(problem, factors), replace(result.values, blocks=blocks)
     if alone:  # rays that were rejected for its sake take part again
         again = without_outliers(problem, values).result
     else:
         again = adjusted(problem.with_active_of(result.problem), values)
-    cov = cofactors_of(again.problem, again.values, again.problem.layout.of(key)[0])
     gain = result.cost - again.cost
     value = _change(again, key, inputs.file, result.values.interior[0]) + began
+    arm = _unstated_arm(again, remedy)
+    columns = [again.problem.layout.of(k)[0] for k in (key, *arm)]
+    joint = cofactors_of(again.problem, again.values, np.concatenate(columns))
+    cov = joint[: value.size, : value.size]
     sigma = np.sqrt(np.diagonal(cov))
     if alone:
         gain = float(value @ np.linalg.solve(cov, value))
         excess = 0.0 if len(_without_rays(again.problem)) < GAIN_SHARE * len(alone) else np.inf
-    return Trial(
+    trial = Trial(
         remedy.name,
         float(gain),
         value,
@@ -485,8 +461,37 @@ def _trial_of(judged: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
         remedy.unit,
         explains(gain, value.size, excess),
         remedy.advice(inputs, value, sigma),
-        moved_sigmas(judged, again.values.position - judged.result.values.position),
+        moved_sigmas(solved, again.values.position - result.values.position),
     )
+    if not arm:
+        return trial
+    return replace(trial, in_place_of_arm=_without_arm(trial, again.values.blocks[arm[0]], joint))
+
+
+def _unstated_arm(again: Adjusted, remedy: _LeftOut) -> tuple[Key, ...]:
+    """Return the lever arm that nobody states, beside another unknown; empty without."""
+    unstated = remedy.file.aerial_control.lever_arm_sigma_m == UNSTATED_ARM_M
+    return tuple(k for k in again.values.blocks if unstated and k[0] == CAMERA_LEVER_ARM)
+
+
+def _without_arm(trial: Trial, arm_m: Array, joint: Array) -> Trial:
+    """Return what a trial is with the lever arm held at zero, which was estimated beside it.
+
+    With the cofactors Q of the unknown x and of the arm a,
+
+        x_0 = x - Q_xa Q_aa^-1 a,    Q_0 = Q_xx - Q_xa Q_aa^-1 Q_ax,    g_0 = g - a^T Q_aa^-1 a
+
+    as the adjustment without arm has, without another adjustment.
+    """
+    n = trial.value.size
+    Q_xa, Q_aa = joint[:n, n:], joint[n:, n:]
+    gain = trial.gain - float(arm_m @ np.linalg.solve(Q_aa, arm_m))
+    value = trial.value - Q_xa @ np.linalg.solve(Q_aa, arm_m)
+    cov = joint[:n, :n] - Q_xa @ np.linalg.solve(Q_aa, Q_xa.T)
+    sigma = np.sqrt(np.diagonal(cov))
+    shown = (np.abs(value) > SIGNIFICANT_SIGMAS * sigma).any()
+    as_good = bool(shown and gain > -ALIKE_GAIN)
+    return replace(trial, gain=gain, value=value, sigma=sigma, explains=as_good)
 
 
 def _without_rays(problem: Problem) -> list[int]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.quantiles import chi_square_quantile
 from ...geodesy.conventions import Change
 from ...geodesy.rotation import is_rotation
 from ...records import Array
@@ -116,8 +117,6 @@ def millimetres(values: Array, sign: str = "") -> str:
 
 def factor_limit(redundancy: int) -> float:
     """Return what chance allows of a variance factor; NaN without redundancy."""
-    from scipy.stats import chi2
-
     if not redundancy:
         return float("nan")
-    return float(chi2.ppf(1.0 - SIGNIFICANCE, redundancy) / redundancy)
+    return chi_square_quantile(redundancy, SIGNIFICANCE) / redundancy

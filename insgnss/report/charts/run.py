@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from ...records import Diagnostics, ExteriorOrientation
 from ..coverage import outages, stationary_periods
-from ..flightlines import flight_lines
+from ..flightlines import flight_lines, image_sigmas
 from ..marks import Marks, marks_of
 from ..rules.wording import NED_NAMES
-from ..summary import image_sigmas
 from . import gnss, support
 from .chart import AXES_INKS, Array, Background, Chart, Ink, Layer, Panel
 from .pieces import dots, length_unit, line, over_time

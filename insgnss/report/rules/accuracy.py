@@ -21,6 +21,8 @@ GOOD_GYRO_DEG_H = 60.0  # sigma of a gyro bias: its heading drifts by a degree a
 CODE_MM = 500.0  # horizontal sigma beyond which no ambiguities were fixed
 HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
 SHARE_OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
+# of the images' variance (1): 0.5, beyond which the stamps outweigh all other errors together
+SHARE_OF_STAMPS = 0.5
 MINUTE_S = 60.0  # for which users are told what a bias or a slow error makes
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 MOST_STATES = 4  # states in a sentence (chosen)
@@ -119,9 +121,19 @@ def heights(figures: Figures) -> Iterator[Finding]:
     yield ranked("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
 
 
+def by_stamps(figures: Figures, quantity: str) -> bool:
+    """Tell whether the exposures' stamps explain most of the images' sigma of "position" or
+    "attitude", which then is no matter of fixes and IMU.
+    """
+    stamps = (figures["exposures"] or {}).get("stamps") or {}
+    return float(stamps.get(f"{quantity}_share", 0.0)) > SHARE_OF_STAMPS
+
+
 def overall_attitude(figures: Figures) -> Iterator[Finding]:
     """Yield heading and tilt of the whole flight against what a good flight shows."""
     if figures["standing"]:
+        return
+    if by_stamps(figures, "attitude"):
         return
     median = (figures["exposures"] or figures["trajectory"])["attitude_deg"]["median"]
     if median[2] > GOOD_HEADING_DEG:
@@ -293,7 +305,7 @@ def states(figures: Figures) -> Iterator[Finding]:
             )
             help_ = (
                 "fly changes of speed"
-                if unit == "ms"
+                if unit in ("ms", "ppm")
                 else "measure it, or turn on the spot and fly figures of eight"
             )
             rank = max(1.0, 1e3 * state["moves_m"] / typical) if state["requested"] else REMARK

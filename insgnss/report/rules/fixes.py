@@ -28,6 +28,9 @@ SEPARATION_ONCE = 6.0
 SEPARATION_WIDE = 0.5  # the same of all axes together, where what chance allows is not smaller
 # an error that lasts longer is one of the absolute position; share of the fixes
 STAYS_S, FEW_MATTER = 300.0, 0.02
+# share of a slow error that a flight shows: smaller ones are carried by their odds alone, and are
+# no more than a remark
+SHOWN_SHARE = 0.36
 # ranks: a contradiction that was overruled, and a result that nothing supports
 OVERRULED, RANK_UNSUPPORTED = 50.0, 1000.0
 
@@ -324,7 +327,7 @@ def time_correlated(figures: Figures) -> Iterator[Finding]:
             )
         yield ranked(
             "time-correlated errors",
-            1.0 + max(error["share"]),
+            max(error["share"]) + (max(error["share"]) > SHOWN_SHARE),
             text,
             "use the cross-covariances of eo.json in the adjustment" if neighbours else "",
         )

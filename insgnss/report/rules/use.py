@@ -378,20 +378,16 @@ def _insufficient(
     runs = edges.reshape(-1, 2)
     if len(runs) > MOST_PLACES:
         runs = np.array([[runs[0, 0], runs[-1, 1]]])
-    faults: dict[tuple[Any, ...], list[tuple[float, str, Rows]]] = {}
+    faults: dict[tuple[int, str, str, float], list[tuple[float, str, Rows]]] = {}
     for begin, end in runs:
         rows = np.zeros_like(beyond)
         rows[begin:end] = beyond[begin:end]
         row, column = _weakest(sigma / needed, rows)
-        why, help_ = _cause_and_help(
-            figures, float(judged.time[begin]), float(judged.time[end - 1]), column
-        )
-        outages = [
-            outage["time_s"] for outage in figures["outages"] if no_fix(figures, outage) in why
-        ]
+        cause = _cause(figures, float(judged.time[begin]), float(judged.time[end - 1]), column)
         ratio = float((sigma / needed)[row, column])
-        faults.setdefault((column, help_, *outages), []).append((ratio, why, rows))
-    for (_, help_, *outages), places_of_it in faults.items():  # one fault, one sentence
+        fault = column, cause.help, cause.topic, cause.since_s
+        faults.setdefault(fault, []).append((ratio, cause.why, rows))
+    for (_, help_, topic, _), places_of_it in faults.items():  # one fault, one sentence
         rows = np.logical_or.reduce([rows for _, _, rows in places_of_it])
         _, why, _ = max(places_of_it, key=lambda run: run[0])
         row, column = _weakest(sigma / needed, rows)
@@ -404,8 +400,7 @@ def _insufficient(
             known_to, needed_text = degrees(sigma[row, column]), degrees(needed[column])
             quantity = "heading" if column == 5 else "tilt"
             topics = [quantity, "image"]
-        if outages:
-            topics.append("outage")
+        topics += [topic] if topic else []
         text = (
             f"{quantity} is known to {known_to} only, needed are {needed_text}, in"
             f" {judged.listed(rows)}"
@@ -419,23 +414,51 @@ def _weakest(ratio: Array, rows: Rows) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _cause_and_help(figures: Figures, begin: float, end: float, column: int) -> tuple[str, str]:
-    """Return why images are weak and what helps, each after a separator; nothing where unknown."""
+@dataclass(frozen=True)
+class Cause:
+    """Why images are weak and what helps, each after a separator; nothing where unknown.
+
+    Parameters
+    ----------
+    topic : str
+        Of the remark that says the same.
+    since_s : float
+        When it began, where it may come twice.
+    """
+
+    why: str
+    help: str
+    topic: str = ""
+    since_s: float = 0.0
+
+
+def _cause(figures: Figures, begin: float, end: float, column: int) -> Cause:
+    """Return why images between two instants are weak in a column of their sigmas."""
+    weighed = "; give them their sigmas in the adjustment"
+    for check in figures["checks"] if column < 3 else ():
+        if any(span[0] <= end and span[1] >= begin for span in check.get("spans_s", ())):
+            help_ = f"; {check['advice']}, and {weighed[2:]}"
+            return Cause(f": {check['found']}", help_, check["name"])
     outages = [o for o in figures["outages"] if o["time_s"] <= end + 1.0]
     outages = [o for o in outages if o["time_s"] + o["length_s"] >= begin - 1.0]
     if outages:
         o = max(outages, key=lambda outage: float(outage["length_s"]))
-        help_ = "; repeat these images, or give them their sigmas in the adjustment"
-        return f": {no_fix(figures, o)}", help_
+        help_ = f"; repeat these images, or{weighed[1:]}"
+        return Cause(f": {no_fix(figures, o)}", help_, "outage", o["time_s"])
+    if accuracy.by_stamps(figures, "position" if column < 3 else "attitude"):
+        stamps = figures["exposures"]["stamps"]
+        path = f", {millimetres(1e3 * stamps['path_m'])} along the path" if column < 3 else ""
+        return Cause(
+            f": the exposures' stamps are known to {stamps['sigma_s']:.2g} s only{path}",
+            "; give stamps with all their digits, or let the receiver record the exposures",
+            "exposure times",
+        )
     lines = [line for line in figures["lines"] if line["start_s"] <= end and line["end_s"] >= begin]
     if column == 5 and len(lines) == 1:
         why, help_ = places.why(figures, lines[0])
-        return f": {why}", f"; {help_}"
-    if (
-        column > 2
-        and figures["exposures"] is not None
-        and begin <= figures["exposures"]["first_time_s"]
-    ):
+        return Cause(f": {why}", f"; {help_}")
+    exposures = figures["exposures"]
+    if column > 2 and exposures is not None and begin <= exposures["first_time_s"]:
         why, help_ = places.why_first(figures, "heading" if column == 5 else "tilt")
-        return f": {why}", f"; {help_}"
-    return "", "; give them their sigmas in the adjustment"
+        return Cause(f": {why}", f"; {help_}")
+    return Cause("", weighed)

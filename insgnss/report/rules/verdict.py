@@ -11,17 +11,23 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from ...base.findings import Finding
+from ...records.states import CLOCK_RATE
 from . import accuracy as rules_accuracy
 from . import fixes as rules_fixes
 from . import places as rules_places
 from .fixes import judged
 from .use import USE
-from .wording import Figures, degrees, lengths, tilt
+from .wording import Figures, degrees, lengths, millimetres, tilt
 
 # rms share of slow errors in the sigma of a fix, of the a-priori probabilities of diagnosis (V.3):
-# smoothing hardly reduces it (12.8 mm of a fix of 20 mm where a filter with this error has 12.7)
-USUAL_SHARE = 0.59
+# smoothing hardly reduces it (12.8 mm of a fix of 20 mm where a filter with such an error has 12.7)
+USUAL_SHARE = 0.63
 SLOWEST_S = 300.0  # correlation time of errors of PPK that is not exceeded as a rule (V.3)
+# times the mean rate c^2 / T of a slow error: five minutes of flight that hardly show it do not
+# exclude 2.1 to 3.3 (simulated: 1 cm over 20 s to 4 cm over 300 s); of larger shares they do
+FASTER, HARDLY_SHOWN = 2.5, 1.0
+# s/s, how far clocks drift apart that nobody synchronises: quartzes are within 20 to 50 ppm each
+FREE_CLOCK = 5e-5
 USUAL_MATTERS = 1.2  # times the sigmas without slow errors, from which on it is said (chosen)
 MOST_SENTENCES = 8  # that a reader takes in; the tables below have all (chosen)
 NOTHING_STANDS_OUT = (
@@ -88,7 +94,11 @@ def headline(figures: Figures) -> str:
     }[judged(figures["consistency"]["position"])]
     n, used = fixes["fixes"], fixes["fixes_used"]
     which = f"all {n} GNSS positions" if used == n else f"the {used} GNSS positions used of {n}"
-    return f"{text}; {which} {support} their stated accuracies{_if_usual(figures, claim)}"
+    enlarging = ["GNSS sigmas", *(["incorrect fixes"] if used == n else [])]
+    adopted = any(check["name"] in enlarging for check in figures["checks"])
+    accuracies = "the accuracies adopted for them" if adopted else "their stated accuracies"
+    conditions = _if_usual(figures, claim) + _if_clocks_drift(figures, claim)
+    return f"{text}; {which} {support} {accuracies}{conditions}"
 
 
 def _if_usual(figures: Figures, claim: Figures) -> str:
@@ -119,13 +129,14 @@ def _if_usual(figures: Figures, claim: Figures) -> str:
 def _if_slower(figures: Figures, claim: Figures) -> str:
     """Say what the positions are known to if the errors of the fixes last longer than estimated.
 
-    Innovations tell c^2 / T, the share squared over the correlation time, alone
+    Innovations tell c^2 / T, the share squared over the correlation time, alone, and that roughly
     (`navigation.diagnosis.variances`).
     """
     error = max(figures["time_correlated_errors"], key=lambda one: float(one["fixes"]))
-    longer = SLOWEST_S / error["time_s"] - 1.0
-    if longer <= 0.0:
+    if error["time_s"] >= SLOWEST_S:
         return ""
+    faster = FASTER if max(error["share"]) < HARDLY_SHOWN else 1.0
+    longer = faster * SLOWEST_S / error["time_s"] - 1.0
     north, east, down = error["sigma_m"]
     of_fixes = (north, east, down) if claim["axes"][0] == "N" else (east, north, down)
     of_images = claim["position_mm"]["median"]
@@ -138,6 +149,24 @@ def _if_slower(figures: Figures, claim: Figures) -> str:
     return (
         f"; this holds for GNSS errors with a correlation time of {error['time_s']:.0f} s; with"
         f" {SLOWEST_S:.0f} s, which no flight can rule out, the sigmas are {lengths(slower)}"
+    )
+
+
+def _if_clocks_drift(figures: Figures, claim: Figures) -> str:
+    """Say what the positions are known to if the clocks of IMU and fixes are free ones.
+
+    Nothing where the flight determines the rate between them, or where it matters to no image.
+    """
+    rate = next((one for one in figures["states"] if one["name"] == str(CLOCK_RATE)), None)
+    if rate is None or rate["observed"] or rate["requested"]:
+        return ""
+    along = 1e3 * FREE_CLOCK / rate["sigma"] * rate["moves_m"]
+    typical = max(claim["position_mm"]["median"])
+    if math.hypot(along, typical) < USUAL_MATTERS * typical:
+        return ""
+    return (
+        f"; if the clocks of IMU and GNSS drift apart by {1e6 * FREE_CLOCK:.0f} ppm, which this"
+        f" flight would not show, positions along the track are known to {millimetres(along)}"
     )
 
 

@@ -90,8 +90,7 @@ def test_objects_of_python_and_products_without_document_are_named(archive: Path
     (archive / "old" / "eo.json").write_text("{}")
     assert examined(archive).orphans == (archive / "old" / "eo.json",)
     assert (
-        "eo.json: no JSON document says from which inputs it was made"
-        in examined(archive).summary()
+        "eo.json: no JSON document states the inputs of this product" in examined(archive).summary()
     )
     (archive / "noise.toml").write_text("n")
     products = {"noise.toml": sha("n")}

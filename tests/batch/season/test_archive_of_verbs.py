@@ -176,4 +176,4 @@ def test_all_of_them_hold_where_the_archive_was_moved(
     assert "made/noise.json: made by insgnss 0." in capsys.readouterr().out
     (copy / "02_Processed" / "GPS-INS" / "report.json").unlink()
     assert main(["archive", str(copy), "-q"]) == 4
-    assert "eo.json: no JSON document says from which inputs it was made" in capsys.readouterr().out
+    assert "eo.json: no JSON document states the inputs of this product" in capsys.readouterr().out

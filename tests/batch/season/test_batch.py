@@ -67,7 +67,7 @@ def test_ctrl_c_and_sigterm_end_calmly_and_the_next_run_goes_on(
     assert "flights were not reached" in (tmp_path / "index.html").read_text()
     again = batch(".", "--workers", 2, "--parquet", cwd=tmp_path)
     assert (again.returncode, again.stderr) == (0, "")
-    assert "kept, whose inputs, options and version are the same" in again.stdout
+    assert "kept, with unchanged inputs, options and version" in again.stdout
     assert {row["status"] for row in read_season(tmp_path / "season.csv")} == {"done", "kept"}
 
 
@@ -127,8 +127,8 @@ def test_a_flight_that_kills_its_workers_is_one_failure(tmp_path: Path) -> None:
     assert len(failed) == 1, [(row["name"], row["reason"]) for row in failed]
     assert all(row["reason"] for row in failed)
     reason = next(row["reason"] for row in document["flights"] if row["name"] == "f001")
-    assert "its process died again when it ran alone, by SIGKILL" in reason
-    assert "the system does not report a lack of memory as the cause (memory forecast 0." in reason
+    assert "the process of this flight died again when it ran alone, by SIGKILL" in reason
+    assert "the system reports no lack of memory (memory forecast 0." in reason
 
 
 def ports_of(processes: list[int]) -> list[str]:

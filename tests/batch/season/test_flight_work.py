@@ -65,7 +65,7 @@ def test_a_product_that_was_changed_is_named_and_kept(flight: Path) -> None:
     again = run(flight)
     assert again.status == "kept"
     assert is_changed(again.row)
-    assert "metashape.csv: no longer as the run wrote them" in again.reason
+    assert "products changed after the run wrote them, and kept: metashape.csv" in again.reason
     assert "--again" in again.reason
     assert product.read_bytes() == written + b"# mine\n"
     said = str(examine_archive(flight, False, lambda *_: None))

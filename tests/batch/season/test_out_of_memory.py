@@ -95,9 +95,9 @@ def test_who_takes_more_than_its_worker_may_have_is_named_and_nobody_else(tmp_pa
     rows = rows_after(tmp_path, ROOM)
     check_others(rows)
     reason = rows["f001"]["reason"]
-    assert reason.startswith("memory: its process was stopped at 2.")
-    assert "it ran alone and was allowed 2.40 GB (memory forecast 0.6 GB)" in reason
-    assert "process parts of the flight with start_tow and end_tow" in reason
+    assert reason.startswith("memory: the process of this flight was stopped at 2.")
+    assert "it ran alone with a limit of 2.40 GB (memory forecast 0.6 GB)" in reason
+    assert "process the flight in parts (start_tow, end_tow)" in reason
 
 
 @pytest.fixture
@@ -129,5 +129,7 @@ def test_who_is_killed_by_the_kernel_for_memory_is_named_and_nobody_else(
     assert int(text.rsplit("oom_kill ", 1)[1].split()[0]) >= 2
     check_others(rows)
     reason = rows["f001"]["reason"]
-    assert reason.startswith("memory: the system ended its process for lack of memory (it had ")
+    assert reason.startswith(
+        "memory: the system ended the process of this flight for lack of memory (it had "
+    )
     assert "GB when last seen), although it ran alone" in reason

@@ -101,7 +101,7 @@ def test_a_scheduler_killed_in_the_middle_leaves_table_page_and_one_line(
         _, errors = run.communicate(timeout=60)
     assert run.returncode == 4, errors
     assert errors.count("\n") == 1
-    assert f"--scheduler {address}: the scheduler ended or is no longer reached" in errors
+    assert f"--scheduler {address}: the scheduler ended or cannot be reached" in errors
     found = [row["status"] for row in read_season(tmp_path / "season.csv")]
     assert len(found) == len(flights)
     assert set(found) == {"done", "not reached"}

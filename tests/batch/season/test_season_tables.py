@@ -60,7 +60,7 @@ def test_the_table_comes_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("name\nf1\n", r"season\.csv:1: is no season\.csv"),
+        ("name\nf1\n", r"season\.csv:1: is not a season\.csv"),
         ("# insgnss season 1\nname,images\nf1\n", r"season\.csv:3: 1 values under 2 columns"),
         *(
             (f"# insgnss season 1\nname,images\nf1,{x}\n", rf"season\.csv:3: images: '{x}' is no n")
@@ -132,7 +132,7 @@ def test_lines_say_what_became_of_a_flight() -> None:
     assert line_of(broken) == "f2: failed: two lines (0.5 s)"
     kept = Outcome("f3", "kept", row(3))
     assert headline([done, broken, kept]) == (
-        "3 flights: 1 processed, 1 kept, whose inputs, options and version are the same, 1 failed;"
+        "3 flights: 1 processed, 1 kept, with unchanged inputs, options and version, 1 failed;"
         " 6 images"
     )
 

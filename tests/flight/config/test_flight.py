@@ -320,12 +320,12 @@ WRONG = {
     "key of another table": (
         _in("imu", "sigma_m = [1, 1, 1]"),
         2,
-        "imu.sigma_m: unknown key; it belongs into [gnss] or [barometer]",
+        "imu.sigma_m: unknown key; this key belongs in [gnss] or [barometer]",
     ),
     "key of the top": (
         _in("gnss", "gps_week = 2008"),
         4,
-        "gnss.gps_week: unknown key; it belongs to the top",
+        "gnss.gps_week: unknown key; this key belongs at the top",
     ),
     "key of a sub-table": (
         _in("imu", 'units = { gyros = "deg/s" }'),
@@ -421,7 +421,7 @@ WRONG = {
     "rover alone": (
         '[imu]\nfile = "imu.csv"\n[gnss]\nrover = "a.18o"\n',
         4,
-        "gnss.base is missing; RINEX of rover, base, navigation belong",
+        "gnss.base is missing; RINEX files of rover, base, navigation are",
     ),
     "mask alone": (
         '[imu]\nfile = "imu.csv"\n[gnss]\nelevation_mask_deg = 10\n',
@@ -431,7 +431,7 @@ WRONG = {
     "base position of what": (
         RAW + "base_position = [46.5, 6.5, 500.0]\n",
         7,
-        "say what stands there: base_point",
+        "state the point: base_point",
     ),
     "base position swapped": (
         RAW + 'base_point = "apc"\nbase_position = [506.5, 46.5, 0.0]\n',
@@ -462,13 +462,13 @@ WRONG = {
     "records of another file": (
         RAW + '[camera]\nevents = "imu.csv"\nevents_containing = "cam"\n',
         9,
-        "looks at the record lines of the rover's RINEX; camera.events is given as well",
+        "selects events in the rover's RINEX; camera.events is given as well",
     ),
     "marks of another file": (
         RAW + '[camera]\nevents = "imu.csv"\ninvalid_events = true\n',
         9,
         (
-            "camera.invalid_events: looks at the record lines of the rover's RINEX; camera.events"
+            "camera.invalid_events: selects events in the rover's RINEX; camera.events"
             " is given as well"
         ),
     ),
@@ -480,17 +480,17 @@ WRONG = {
     "calibration of raw observations": (
         RAW + "calibrate_covariance = false\n",
         7,
-        "calibrate_covariance: is of ready positions (gnss.file)",
+        "calibrate_covariance: belongs to gnss.file",
     ),
     "sigmas of raw observations": (
         RAW + "sigma_m = [0.1, 0.1, 0.2]\n",
         7,
-        "gnss.sigma_m: is of ready positions (gnss.file)",
+        "gnss.sigma_m: belongs to gnss.file",
     ),
     "columns of no events": (
         RAW + '[camera]\ncolumns = ["tow"]\n',
         8,
-        "camera.columns: is of camera.events, which is missing",
+        "camera.columns: belongs to camera.events, which is missing",
     ),
     "half a frequency": (
         RAW + "frequencies = 1.5\n",
@@ -531,7 +531,7 @@ WRONG = {
     "air of nothing": (
         RAW + "wet_delay = false\nionosphere = false\natmosphere = { humidity = 0.6 }\n",
         9,
-        "ionosphere = false leave out",
+        "ionosphere = false switch off",
     ),
     "no time to solve": (RAW + "timeout_s = 0\n", 7, "gnss.timeout_s = 0: must be 1 to 1e+06"),
     "class of covariance": (
@@ -565,7 +565,7 @@ WRONG = {
             " 2 }\n"
         ),
         5,
-        "gnss.covariance: is of positions by PPK, but gnss.stationary is given",
+        "gnss.covariance: belongs to PPK positions, but gnss.stationary is given",
     ),
     "raw and ready": (_in("gnss", 'base = "a.18o"'), 4, "gnss.base: gnss.file is given as well"),
     # types
@@ -714,27 +714,27 @@ WRONG = {
     "a program": (
         RAW + 'engine = "./imu.csv"\n',
         7,
-        "gnss.engine: './imu.csv' is none of auto, pyrtklib5, rnx2rtkp; a program is named on the"
-        " command line alone: insgnss process --engine PROGRAM",
+        "gnss.engine: './imu.csv' is none of auto, pyrtklib5, rnx2rtkp; a program is given only on the"
+        " command line: insgnss process --engine PROGRAM",
     ),
     # TOML
     "too deep": (
         MINIMAL + "name = " + 5000 * "[",
         None,
-        "more than 100 tables or lists within each",
+        "more than 100 nested tables or lists",
     ),
     "too deep a key": (
         MINIMAL + ".".join("a" * 20000) + " = 1\n",
         5,
-        "19999 tables or lists within each other (limit 100); write them flat",
+        "19999 nested tables or lists (limit 100); write them without nesting",
     ),
-    "deep": (MINIMAL + "name = " + 102 * "[" + 102 * "]", None, "(limit 100); write them flat"),
-    "too long": (MINIMAL + "#" + 1_000_000 * "x", None, "(limit 1000000); is it a file of"),
+    "deep": (MINIMAL + "name = " + 102 * "[" + 102 * "]", None, "(limit 100); write them without"),
+    "too long": (MINIMAL + "#" + 1_000_000 * "x", None, "characters are too many for a file of"),
     "line behind NEL": ("# a\x85b\n" + _in("imu", "filee = 1"), 3, "imu.filee: unknown key"),
     "syntax": (_in("imu", "axes = forward"), 2, "not TOML: "),
     "backslash": (_in("imu", 'file = "data\\imu.csv"'), 2, "with /, on Windows too"),
     "unclosed": (MINIMAL + 'name = "x', None, "not TOML: "),
-    "encoding": (b'name = "\xff"\n' + MINIMAL.encode(), None, "not UTF-8 at byte 8"),
+    "encoding": (b'name = "\xff"\n' + MINIMAL.encode(), None, "byte 8 is not UTF-8"),
 }
 
 

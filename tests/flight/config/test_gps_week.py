@@ -12,7 +12,7 @@ from insgnss.geodesy.gpstime import gps_from_calendar
 
 def test_a_week_modulo_1024_is_refused_with_the_weeks_that_it_may_be():
     """Oracle: GPS week 2221 began on Sunday 2022-07-31, 1197 on 2002-12-15 (calendar)."""
-    with pytest.raises(UsageError, match=r"gps_week = 173: counts modulo 1024.*2022-07-31"):
+    with pytest.raises(UsageError, match=r"gps_week = 173: is a week modulo 1024.*2022-07-31"):
         refuse_week(173)
     with pytest.raises(UsageError, match=r"2002-12-15"):
         refuse_week(173)

@@ -81,9 +81,12 @@ def test_a_chain_takes_the_nearest_and_hashes_all(load: Load, tmp_path: Path) ->
             {"wing": "[gnss]\ngate_sigma = 1\n"},
             r"wing\.toml:2: gnss\.gate_sigma = 1: must be",
         ),
-        ({"wing": 'accept = ["motion"]\n'}, r"wing\.toml:1: accept: is of one flight"),
+        ({"wing": 'accept = ["motion"]\n'}, r"wing\.toml:1: accept: belongs to a flight"),
         ({"wing": "[imu\n"}, r"wing\.toml:1: not TOML"),
-        ({"wing": 'include = "wing.toml"\n'}, r"wing\.toml:1: include: a circle of files, fl"),
+        (
+            {"wing": 'include = "wing.toml"\n'},
+            r"wing\.toml:1: include: the files include each other in a circle, fl",
+        ),
         ({}, r"flight\.toml:1: include: \.\./wing\.toml does not exist"),
         ({"wing": 'include = "b.toml"\n', "b": 'include = "f1/flight.toml"\n'}, "b.toml:1: .*circ"),
         ({"wing": "[wings]\n"}, r"wing\.toml:1: wings: unknown table"),
@@ -104,7 +107,7 @@ def test_a_message_names_the_file_and_line_of_the_key(
             'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
         )
     if "TOML" in message or "wings" in message:
-        with pytest.raises(InputError, match=r"wing\.toml:1: has an .* nothing of it is shown"):
+        with pytest.raises(InputError, match=r"wing\.toml:1: has an .* which is not shown"):
             load(flight, **shared)
         monkeypatch.setenv(SHOWN_VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match=message):

@@ -70,7 +70,7 @@ def test_what_is_in_feet_reads_back(eo: ExteriorOrientation, tmp_path: Path, nam
     """Oracle: the master, to the digits of the file; standard deviations in metres again."""
     write_eo_json(eo, tmp_path / "eo.json")
     done = export(eo, name, tmp_path / "x.txt", ExportFrame(FEET))
-    assert "counts in US survey feet; standard deviations" in " ".join(done.notes)
+    assert "standard deviations are in US survey feet" in " ".join(done.notes)
     crs = FEET if name == "pix4d_matic" else None
     c = compare_files(tmp_path / "eo.json", done.file, form_b=name, crs=crs)
     assert c.findings == ()

@@ -194,8 +194,8 @@ def test_rules_of_other_names(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rule", "text", "message"),
     [
-        ("clean", "", "'clean' is no file, not OLD=NEW and none of safe, basename"),
-        ("a.jpg=b.jpg", "", "there is no such image; 'IMG 0001 (1).jpg' is one"),
+        ("clean", "", "'clean' is neither a file nor OLD=NEW nor one of safe, basename"),
+        ("a.jpg=b.jpg", "", "no image has this name; one is 'IMG 0001 (1).jpg'"),
         ("t.csv", "a,b\n", "names none of the 3 images, such as 'IMG 0001 (1).jpg'"),
         ("t.csv", "a,b\nc\n", "t.csv:2: 'c' is not old,new, each old name once"),
         ("t.csv", "a,b\na,c\n", "t.csv:2: 'a,c' is not old,new"),

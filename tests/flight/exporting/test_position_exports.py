@@ -131,7 +131,7 @@ def test_metashape_gets_a_script_of_its_columns(file, capsys, monkeypatch, words
 def test_a_system_of_another_place_is_told(file, capsys):
     """Oracle: the area of use of EPSG:32732 in the registry, which is south of the equator."""
     assert main(["export", str(file), "odm", "--crs", "EPSG:32732", "-q"]) == 0
-    assert "2 of 2 images lie outside: is it the right CRS?" in capsys.readouterr().out
+    assert "2 of 2 images lie outside of the area of" in capsys.readouterr().out
 
 
 MRK = "".join(

@@ -62,7 +62,7 @@ def test_a_table_of_the_run_stays_in_its_frame(
     assert main(argv) == 2
     error = capsys.readouterr().err
     assert (
-        "metashape.csv was written by the run itself, in EPSG:4979 WGS 84, and this export is in"
+        "metashape.csv is a product of the flight in EPSG:4979 WGS 84, and this export is in"
         in error
     )
     assert f"EPSG:2056 CH1903+ / LV95; give --out {other}, or --force" in error

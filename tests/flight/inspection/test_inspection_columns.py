@@ -203,15 +203,15 @@ def test_seconds_and_fractions_are_one_clock(tmp_path):
     [
         (
             {"frame": 1.0 + np.arange(N) % 2, **SIX, "temp": 20.0},
-            "gyros and accelerometers without a column of time among frame gyro_x",
+            "gyros and accelerometers have no time column among frame gyro_x",
         ),
         (
             {"frame": 1.0 + np.arange(N) % 2, **{k: SIX[k] for k in GYRO}, "temp": 20.0},
-            "gyros without accelerometers or a column of time among frame gyro_x",
+            "gyros without accelerometers or a time column among frame gyro_x",
         ),
         (
             {"frame": 1.0 + np.arange(N) % 2, **{k: SIX[k] for k in ACC}, "temp": 20.0},
-            "accelerometers without gyros or a column of time among frame acc_x",
+            "accelerometers without gyros or a time column among frame acc_x",
         ),
     ],
 )
@@ -369,7 +369,7 @@ def test_a_vertical_accuracy_in_degrees_is_a_length(tmp_path):
     [
         (24, True, 0.0, ""),
         (24, True, np.nan, ""),
-        (58, False, 0.0, "not positive in 58"),
+        (58, False, 0.0, "not above 0 in 58"),
         (58, False, np.nan, "no number in 58"),
     ],
 )
@@ -396,7 +396,7 @@ def test_fixes_of_two_kinds_keep_the_deviations_that_they_state(
         expected[stated] = [0.02, 0.02, 0.04]
         assert fixes.sigma_assumed.tolist() == (~stated).tolist()
         assert "24 of 60 fixes state no" in " ".join(note.found for note in fixes.notes)
-        assert "24 of 60 fixes state no standard deviation" in source.why["sigma_m"]
+        assert "24 of 60 fixes have no standard deviation" in source.why["sigma_m"]
         assert keys["units"] == {"quality": "nmea"}
     else:
         assert f"{why} of 60 rows" in " ".join(source.columns_left_out)

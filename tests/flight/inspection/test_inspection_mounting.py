@@ -36,7 +36,7 @@ def test_lever_arms_in_words():
     assert in_words(PAPER, [0.462, -0.001, -0.065]) == (
         "0.462 m backward, 0.001 m right, 0.065 m up of the camera"
     )
-    assert in_words(PAPER, [0, 0, 0]).startswith("at the camera, since nothing says")
+    assert in_words(PAPER, [0, 0, 0]).startswith("at the camera, as no value is given")
 
 
 def test_the_picture_has_the_antenna_where_it_is():

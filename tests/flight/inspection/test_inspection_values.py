@@ -143,9 +143,9 @@ def test_known_columns_that_are_left_out_say_why(tmp_path):
     said = dict(text.partition(" (")[::2] for text in source.columns_left_out)
     assert said.keys() == columns.keys() - {"time", "lat", "lon", "alt"}
     assert said["hdop"] == ""
-    assert "needs vn ve and vd or vu" in said["vn"]
-    assert "not positive in 600 of 600 rows" in said["sd_n"]
-    assert "nothing shows whether its codes" in said["fix"]
+    assert "vn, ve and vd or vu are needed" in said["vn"]
+    assert "not above 0 in 600 of 600 rows" in said["sd_n"]
+    assert "whose codes may be RTKLIB's" in said["fix"]
     assert "no number in 600 of 600" in said["course"]
 
 
@@ -300,10 +300,10 @@ def test_a_hover_that_determines_no_axes_is_no_complaint(tmp_path):
         np.savetxt(tmp_path / name, values, "%.9f", ",", header=header, comments="")
     result = inspect_files([tmp_path])
     assert result.recognition.finding("axes").found == "unknown"
-    assert "\nGood: it stays in one place" in result.summary()
+    assert "\nGood: the vehicle stayed in place" in result.summary()
     text = " ".join(result.draft.text(tmp_path).split("\n#   "))
     assert '\naxes = "forward left up"' in text
-    assert "forward is defined as x here" in text
+    assert "so x is taken as forward" in text
     assert "NOT" not in text
 
 

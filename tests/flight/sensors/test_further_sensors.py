@@ -306,7 +306,7 @@ def test_two_of_one_name_and_an_unknown_kind_are_refused(dataset):
     root, sim = dataset
     file = written(root, sim, "heading")
     file.write_text(file.read_text() + '[[measurement]]\nkind = "heading"\nfile = "heading.csv"\n')
-    with pytest.raises(InputError, match="two are named 'heading'"):
+    with pytest.raises(InputError, match="two measurements are named 'heading'"):
         insgnss.load_flight(file)
     file.write_text(file.read_text().replace('kind = "heading"', 'kind = "headings"', 1))
     with pytest.raises(InputError, match=r"measurement.kind.*headings"):

@@ -174,7 +174,7 @@ def test_both_or_neither_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         return "\ud800"  # cannot be written as UTF-8
 
     monkeypatch.setattr(eo_json.json, "dumps", full)
-    with pytest.raises(InputError, match="a name that is not UTF-8"):
+    with pytest.raises(InputError, match="which is not UTF-8"):
         write_eo_json(scene(7), tmp_path / "eo.json")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 

@@ -75,7 +75,7 @@ CASES = {
     "a table of flights without columns": (
         read_season,
         "# insgnss season 1\n",
-        ":2: names no columns",
+        ":2: has no line of column names",
     ),
     "a figure of a flight too small for a float": (
         read_season,

@@ -110,17 +110,20 @@ def test_states_keep_their_place_and_value_in_another_layout(clean):
 
 
 @pytest.mark.parametrize(
-    ("tries", "taken"),
+    ("tries", "least", "taken"),
     [
-        ([(100.0, True), (90.0, False)], 1),  # loses none
-        ([(100.0, True), (92.0, True), (40.0, False)], 1),  # would pay with the gain
-        ([(100.0, True), (92.0, True), (-5.0, False)], 1),
-        ([(100.0, True), (60.0, False)], 1),
-        ([(-5.0, False)], None),  # explains nothing
-        ([(100.0, True)] * 6, None),  # loses fixes with any
+        ([(100.0, True), (90.0, False)], 0.0, 1),  # loses none
+        ([(100.0, True), (92.0, True), (40.0, False)], 0.0, 1),  # would pay with the gain
+        ([(100.0, True), (92.0, True), (-5.0, False)], 0.0, 1),
+        ([(100.0, True), (60.0, False)], 0.0, 1),
+        ([(100.0, True), (40.0, False)], -4.0, 0),
+        ([(-1.0, False)], 0.0, None),  # explains nothing
+        ([(-1.0, False)], -4.0, 0),  # is carried by its odds
+        ([(-5.0, False)], -4.0, None),
+        ([(100.0, True)] * 6, 0.0, None),  # loses fixes with any
     ],
 )
-def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, taken):
+def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, least, taken):
     """Oracle: the rule in words. Gain in -2 log L and whether fixes are lost, of tries with ever
     larger white shares; a recorded walk lost 0.9 of the gain, and had twice its sigmas, for one
     covariance reset.
@@ -134,7 +137,7 @@ def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, 
     monkeypatch.setattr(decision, "follows", lambda _: True)
     search = SimpleNamespace(progress=lambda _: None, solved=lambda *_: next(left))
     here = decision.Stage(before, ErrorModel(FixErrors()))
-    after = decision._adopted(search, None, here, model)
+    after = decision._adopted(search, None, here, model, least)
     assert after.solution is (before if taken is None else solutions[taken])
     if taken is None:
         assert "not adopted" in after.history[0]

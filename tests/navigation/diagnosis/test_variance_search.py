@@ -26,6 +26,7 @@ from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.innovations.likelihood import evaluate
 from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.report.rules.fixes import SHOWN_SHARE
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 NAVCHIP = load_noise_model("navchip")
@@ -212,7 +213,7 @@ def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
     and times at their odds a priori, and none at all. What the flight speaks against is not
     carried; what it shows without doubt is the mean of all that explain it as well.
     """
-    assert slow_error(monkeypatch, lambda c, T: 2.4) is None
+    assert slow_error(monkeypatch, lambda c, T: -4.1) is None
     grid = [(c, T) for c in SHARES for T in SLOW_S]
     gains = {(c, T): 6.0 - 2.0 * c - 0.01 * T for c, T in grid}
     odds = {(c, T): SHARES[c] * SLOW_S[T] * np.exp(gain / 2.0) for (c, T), gain in gains.items()}
@@ -251,7 +252,8 @@ def drifting(claim: float, wander: float) -> VarianceSearch:
 @pytest.mark.parametrize("claim", [0.8, 1.2])
 def test_a_claim_that_is_off_hides_no_slow_error(claim):
     """Oracle: the same fixes with the right claim: the slow error is the same in metres, and the
-    white one the true one. Without a slow error none is found.
+    white one the true one. Without a slow error what is carried by its odds is one that no flight
+    shows, the same whatever the claim.
     """
 
     def found(of_claim, wander):
@@ -263,7 +265,9 @@ def test_a_claim_that_is_off_hides_no_slow_error(claim):
     assert other is not None
     assert claim * other.gm_sigma[0] == pytest.approx(right.gm_sigma[0], rel=0.01)
     assert claim * other.white_scale[0] == pytest.approx(1.0, abs=0.01)
-    assert found(claim, 0.0) is None
+    by_odds, with_claim = found(1.0, 0.0), found(claim, 0.0)
+    assert claim * with_claim.gm_sigma[0] == pytest.approx(by_odds.gm_sigma[0], rel=0.01)
+    assert by_odds.gm_sigma[0] < SHOWN_SHARE
 
 
 def test_a_slow_error_stands_beside_the_white_one_that_is_known():

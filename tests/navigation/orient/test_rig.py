@@ -240,7 +240,7 @@ def test_formats_keep_the_cameras_apart(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("inpho_prj", {"focal_mm": 35.0, "ground_m": 400.0}, "focal_mm is that of one camera"),
+        ("inpho_prj", {"focal_mm": 35.0, "ground_m": 400.0}, "focal_mm holds for one camera"),
         ("colmap", {"camera": f"nadir={PINHOLE}"}, "camera 'forward' is missing"),
         ("colmap", {"camera": f"left={PINHOLE}"}, "'left' is not in the orientation"),
         ("colmap", {"camera": f"nadir={PINHOLE};nadir={PINHOLE}"}, "'nadir' stands twice"),

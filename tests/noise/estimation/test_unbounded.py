@@ -3,13 +3,17 @@ numbers.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from insgnss.base.errors import UsageError
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov
+from insgnss.noise.estimation._matching import pooled
 from insgnss.noise.estimation._profile import Local
 from insgnss.noise.estimation.gmwm import fit
-from insgnss.noise.estimation.inference import efficient, infer
+from insgnss.noise.estimation.inference import efficient, infer, second_step
 from insgnss.noise.estimation.selection import rank
 from insgnss.noise.moments.theory import haar_variance
 from insgnss.records import WaveletVariance, chi_square_interval
@@ -52,6 +56,24 @@ def test_profiles_keep_the_order_of_the_times():
     found = infer(efficient(fit(exact(axis), "WN+3GM")))
     assert found.intervals == "profile"
     assert 0.1 < found["correlation_time_2"].low < 2.0 < found["correlation_time_2"].high < 60.0
+
+
+def test_one_step_of_efficient_weights_is_polished_as_it_is() -> None:
+    """Oracle: the settled fit of many steps; of an erring curve the first step is far from it."""
+    curve = exact(AxisNoise(white_noise=1.0, gauss_markov=(GaussMarkov.from_sigma(2.0, 1.0),)))
+    wave = 1.0 + 0.3 * np.sin(curve.level)
+    first = fit(replace(curve, variance=curve.variance * wave), "WN+GM")
+    once, sentence, _ = second_step(first, iterations=1)
+    assert "steps" in sentence
+    assert np.allclose(once.modelled[0], second_step(first)[0].modelled[0], rtol=0.1)
+
+
+def test_the_curve_with_wrong_weights_is_named() -> None:
+    """Oracle: the number of the curve whose weights are negative."""
+    curve = exact(AxisNoise(white_noise=1.0))
+    identity = np.eye(curve.level.size)
+    with pytest.raises(UsageError, match="weights of curve 2: not positive definite"):
+        pooled([curve, curve, curve], [identity, -9.0 * identity, identity])
 
 
 def test_of_equivalent_models_a_determined_one_is_chosen():

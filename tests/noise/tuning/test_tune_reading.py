@@ -254,5 +254,5 @@ def test_a_drift_beside_others_is_not_tried(rest, tmp_path, capsys):
 def test_arrays_are_no_recordings():
     """Oracle: the docstring; the message names what to do."""
     for given in (np.zeros((9, 7)), [np.zeros((9, 7))]):
-        with pytest.raises(UsageError, match=r"tune: ndarray is no path; .*np\.save"):
+        with pytest.raises(UsageError, match=r"tune: ndarray is not a path .*np\.save"):
             insgnss.tune(given)

@@ -64,5 +64,5 @@ def test_parts_that_cannot_be(flown) -> None:
     block = flown.block
     with pytest.raises(InputError, match=r"camera\.new_from: .none\.tif. is no image of the block"):
         adjust(replace(block, camera=replace(block.camera, new_from=("none.tif",))), write=False)
-    with pytest.raises(OptionError, match=r"camera\.weighed states one for all"):
+    with pytest.raises(OptionError, match=r"camera\.weighed fixes one camera for all images"):
         replace(block, camera=replace(block.camera, new_from=("a.tif",), weighed=True))

@@ -190,7 +190,7 @@ def test_a_line_that_nothing_holds_is_told(calibrated) -> None:
         ({"mode": "fast_at", "control": "Ap"}, "does not orient images in mode"),
         ({"mode": "direct", "control": "Rp/Ra"}, "does not orient images in mode"),
         ({"mode": "iso", "relative_weights": "gyro"}, "has no meaning without relative control"),
-        ({"mode": "iso", "lines": ("8001.tif",)}, "name of an image and one of"),
+        ({"mode": "iso", "lines": ("8001.tif",)}, "the name of an image and one of"),
         ({"mode": "indirect", "control": "Rp/Ra"}, "has no meaning in mode"),
     ],
 )
@@ -201,7 +201,7 @@ def test_options_without_meaning_are_refused(flown, changes, message) -> None:
 
 def test_a_camera_that_is_held_is_not_estimated(flown) -> None:
     file = flown.block
-    with pytest.raises(OptionError, match="the camera is held in mode"):
+    with pytest.raises(OptionError, match="the camera is fixed in mode"):
         in_mode(replace(file, camera=replace(file.camera, free=("f",))), "fast_at")
 
 

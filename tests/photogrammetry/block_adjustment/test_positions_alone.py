@@ -483,19 +483,46 @@ def test_a_long_lever_arm_that_nobody_states_leaves_no_orientation(flown, withou
     assert "shift of ground control" in refused.get("lever arm", ""), done.judgement.headline
 
 
+def held_camera(flown, directory, tmp_path, factor):
+    """Return a block whose camera is held, with its constant times a factor."""
+    text = (flown.directory / BLOCK / "camera.toml").read_text()
+    f_px = float(re.search(r"(?m)^f = ([\d.]+)", text)[1])
+    camera_file = tmp_path / "camera.toml"
+    camera_file.write_text(re.sub("(?m)^f = .*", f"f = {factor * f_px}", text))
+    block = block_of(flown, directory)
+    return replace(block, camera=replace(block.camera, file=camera_file, free=())), f_px
+
+
+def of_camera(done):
+    """Return what was tried of the camera."""
+    return next(t for t in done.judgement.trials_made if t.name == "interior orientation")
+
+
 @pytest.mark.slow
 def test_a_held_camera_constant_is_named_though_the_lever_arm_takes_it(
     flown, without_imu, tmp_path
 ):
-    """Oracle: the camera constant of the simulation, of which 0.1 % is taken off."""
-    text = (flown.directory / BLOCK / "camera.toml").read_text()
-    f_px = float(re.search(r"(?m)^f = ([\d.]+)", text)[1])
-    camera_file = tmp_path / "camera.toml"
-    camera_file.write_text(re.sub("(?m)^f = .*", f"f = {0.999 * f_px}", text))
-    block = block_of(flown, without_imu(4))
-    block = replace(block, camera=replace(block.camera, file=camera_file, free=()))
+    """Oracles: the camera constant of the simulation, of which 0.1 % is taken off; an adjustment
+    with the lever arm held, which nobody else stated."""
+    block, f_px = held_camera(flown, without_imu(4), tmp_path, 0.999)
     done = adjust(block, write=False)
-    first = done.judgement.trials_made[0]
-    assert (first.name, first.explains) == ("interior orientation", True)
-    assert abs(first.value[0] - 0.001 * f_px) < 4.5 * first.sigma[0]
-    assert any("interior orientation" in one.found for one in done.judgement.refused)
+    instead = of_camera(done).in_place_of_arm
+    assert instead.explains
+    assert abs(instead.value[0] - 0.001 * f_px) < 4.5 * instead.sigma[0]
+    (refused,) = (one.found for one in done.judgement.refused if one.name == "lever arm")
+    assert "interior orientation" in refused, refused
+    same = replace(block, adjustment=replace(block.adjustment, keep_all=True, reweight=("none",)))
+    stated = replace(block.aerial_control, lever_arm_m=(0.0, 0.0, 0.0))
+    instead = of_camera(adjust(same, write=False)).in_place_of_arm
+    held = of_camera(adjust(replace(same, aerial_control=stated), write=False))
+    assert_allclose((instead.value - held.value) / held.sigma, 0.0, atol=0.05)
+    assert_allclose(instead.sigma, held.sigma, rtol=0.02)
+
+
+@pytest.mark.slow
+def test_a_lever_arm_is_not_taken_for_a_camera_that_is_held_and_right(flown, without_imu, tmp_path):
+    """Oracle: the planted lever arm, 0.15 m; no cause is named without it."""
+    block, _ = held_camera(flown, without_imu(4, (0.0, 0.0, -0.15)), tmp_path, 1.0)
+    done = adjust(block, write=False)
+    for one in done.judgement.findings:
+        assert one.rank < 1.0 or "by a lever arm" in one.found, one.found

@@ -19,66 +19,67 @@ class AerialControlTable(Checked, table="aerial_control"):
 
     file: Path | None = option(
         None,
-        "eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
-        " camera_positions.csv, _events.pos of RTKLIB, references of Metashape or Pix4D, a table;"
-        " without it the block has no aerial control",
+        "file of aerial control: eo.json of a processed flight, or image positions without an IMU "
+        "(.MRK, camera_positions.csv, _events.pos of RTKLIB, references of Metashape or Pix4D, a "
+        "table); default: no aerial control",
     )
     crs: str | None = option(
-        None, "CRS of positions that do not say it, such as EPSG:2056+5728", cli="--positions-crs"
+        None,
+        "CRS of the positions if their file does not state it, such as EPSG:2056+5728",
+        cli="--positions-crs",
     )
     geoid: Path | None = option(
         None, "grid of geoid heights of these positions", usual="heights as `crs` has them"
     )
     initial: Path | None = option(
         None,
-        "poses whose attitudes are the first values of the adjustment, in any format that"
-        " `insgnss compare` reads",
+        "file of poses whose attitudes are the initial values of the adjustment, in any format of "
+        "`insgnss compare`",
         usual="the poses of the image observations",
         cli="--initial",
     )
     sigma_m: Triple | None = sigmas(
-        "standard deviations of positions, east, north, up, in place of those of the file",
+        "standard deviations of positions, east, north, up, which replace those of the file",
         usual="those of the file",
         cli="--position-sigma",
     )
     lever_arm_m: Triple | None = option(
         None,
-        "from the projection centre to the point whose positions the file has (the antenna of a"
-        " .pos), camera x right, y down, z viewing direction",
+        "lever arm from the projection centre to the point of the positions (the antenna of a "
+        ".pos), in camera axes x right, y down, z viewing direction",
         unit="m",
-        usual="of positions without attitudes 0 within 0.15 m, which is estimated; 0 0 0 says that"
-        " the file has projection centres",
+        usual="for positions without attitudes an estimated arm, 0 within 0.15 m; 0 0 0: the file "
+        "has projection centres",
         cli="--lever-arm",
     )
     covariance: Literal["auto", "strip", "chain", "image"] = option(
         "auto",
-        'which covariances weigh the poses: "strip": of whole flight lines, eo_covariance.npz'
-        ' beside the file; "chain": of neighbours, which understates errors common to a whole'
-        ' line; "image": of each image alone; "auto": the first of these that is there',
+        'covariances that weigh the poses: "strip": of whole flight lines (eo_covariance.npz '
+        'beside the file); "chain": of neighbouring images, which understates errors common to a '
+        'line; "image": of each image alone; "auto": the first that exists',
     )
     control: ControlKind = option(
         "Ap/Aa",
-        "what is observed of the poses, absolute (A) or relative to the neighbour in the flight"
-        " line (R): position (p) and attitude (a). Relative attitudes need no bore-sight,"
-        " relative positions need no datum of the fixes",
+        "observed position (p) and attitude (a) of the poses, absolute (A) or relative to the "
+        "neighbour in the flight line (R); relative attitudes need no bore-sight, relative "
+        "positions no datum of the fixes",
         cli="--control",
     )
     lines: tuple[str, ...] = option(
         (),
-        "flight lines with another kind of control: name of one image of the line and the kind,"
-        ' such as "IMG_0010 Rp/Ra"',
+        "flight lines with another kind of control: one image of the line and the kind, such as "
+        '"IMG_0010 Rp/Ra"',
     )
     relative_weights: Literal["smoothed", "independent", "gyro"] = option(
         "smoothed",
-        'covariance of relative control: "smoothed": the covariance of all poses of the line;'
-        ' "independent": that of two independent images for each pair (paper 003, equation 5);'
-        ' "gyro": as "independent" for positions, from noise and drift of the gyroscopes for'
-        " attitudes (equation 6)",
+        'covariance of relative control: "smoothed": from all poses of the line; "independent": '
+        'each pair from two independent images (paper 003, equation 5); "gyro": positions as '
+        '"independent", attitudes from noise and drift of the gyroscopes (equation 6)',
         cli="--relative-weights",
     )
     gap_s: float = option(
         10.0,
-        "longest time between two images of which one is observed relative to the other",
+        "longest time between two images that are observed relative to each other",
         unit="s",
         low=0.01,
         high=3600.0,
@@ -99,65 +100,65 @@ class AerialControlTable(Checked, table="aerial_control"):
     )
     gyro_vertical: float = option(
         1.5,
-        "factor by which the drift of the gyroscopes is larger about the vertical, k of paper 003",
+        "ratio of the gyroscopes' drift about the vertical to that about the other axes, k of "
+        "paper 003",
         low=0.01,
         high=100.0,
     )
     datum_sigma_m: float = option(
         5.0,
-        "in flight lines with relative positions: standard deviation of the absolute position of"
-        " one image",
+        "standard deviation of the absolute position of one image, in flight lines with relative "
+        "positions",
         unit="m",
         low=1e-3,
         high=1e6,
     )
     datum_sigma_deg: float = option(
         2.0,
-        "in flight lines with relative attitudes: standard deviation of the absolute attitude of"
-        " one image",
+        "standard deviation of the absolute attitude of one image, in flight lines with relative "
+        "attitudes",
         unit="deg",
         low=1e-3,
         high=180.0,
     )
     boresight_sigma_deg: float = option(
         1.0,
-        "a-priori standard deviation, about each axis, of the remaining bore-sight error, which"
-        " is estimated; 0: the bore-sight of the flight file is exact",
+        "a-priori standard deviation of the estimated bore-sight correction about each axis; 0: "
+        "the bore-sight of the flight file is exact",
         unit="deg",
         low=0.0,
         high=180.0,
         cli="--boresight-sigma",
     )
     lever_arm_sigma_m: Triple | None = sigmas(
-        "a-priori standard deviations of the remaining lever-arm error, camera x, y, z, which is"
-        " estimated",
+        "a-priori standard deviations of the estimated lever-arm correction, camera x, y, z",
         usual="it is as the flight file has it",
     )
     time_offset_sigma_s: float = option(
         0.0,
-        "a-priori standard deviation of the delay of the exposures behind their stamps, which is"
-        " estimated; 0: no delay",
+        "a-priori standard deviation of the estimated delay of the exposures after their time "
+        "stamps; 0: no delay",
         unit="s",
         low=0.0,
         high=10.0,
         cli="--delay-sigma",
     )
     shift_sigma_m: Triple | None = sigmas(
-        "standard deviations of a shift of each flight line, east, north, up, which is estimated",
+        "a-priori standard deviations of the estimated shift of each flight line, east, north, up",
         usual="none",
         cli="--shift-sigma",
     )
     shift_correlation_s: float = option(
         0.0,
-        "correlation time of these shifts, which a slow error of the fixes makes alike in"
-        " neighbouring lines, such as 300 of RTK; 0: each line errs by itself",
+        "correlation time of the shifts of flight lines, because slow errors of the fixes shift "
+        "neighbouring lines alike (RTK: 300); 0: independent shifts",
         unit="s",
         low=0.0,
         high=1e5,
         cli="--shift-correlation",
     )
     drift_sigma_mps: Triple | None = sigmas(
-        "standard deviations of a drift of each flight line, which is estimated",
+        "a-priori standard deviations of the estimated drift of each flight line",
         unit="m/s",
         usual="none",
     )
@@ -169,22 +170,22 @@ class AerialControlTable(Checked, table="aerial_control"):
             if not name.strip() or control not in CONTROLS:
                 raise OptionError(
                     "aerial_control.lines",
-                    f"{text!r}: name of an image and one of {' '.join(CONTROLS)}, such as"
-                    ' "IMG_0010 Rp/Ra"',
+                    f"{text!r}: the name of an image and one of {' '.join(CONTROLS)} are "
+                    'expected, such as "IMG_0010 Rp/Ra"',
                 )
 
         if self.shift_correlation_s and self.shift_sigma_m is None:
             raise OptionError(
                 "aerial_control.shift_correlation_s",
-                "has no meaning without the standard deviations of the shifts; give"
-                " aerial_control.shift_sigma_m (--shift-sigma)",
+                "has no meaning without the standard deviations of the shifts; give "
+                "aerial_control.shift_sigma_m (--shift-sigma)",
             )
         relative = {"Ap/Ra", "Rp/Ra", "Rp"} & {self.control, *self.of_lines.values()}
         if self.relative_weights != "smoothed" and not relative:
             raise OptionError(
                 "aerial_control.relative_weights",
-                "has no meaning without relative control; ask for it by aerial_control.control,"
-                ' such as "Ap/Ra"',
+                "has no meaning without relative control; set aerial_control.control, such as "
+                '"Ap/Ra"',
             )
 
     @property

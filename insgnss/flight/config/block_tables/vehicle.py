@@ -18,52 +18,52 @@ class VehicleTable(Checked, table="vehicle"):
 
     file: Path | None = option(
         None,
-        "where the vehicle was: `eo.json` of a run of `process` with the exposures of the images "
-        "as its events (its camera is the target), `trajectory.csv` of one, or a table of "
-        "positions of the target (target_positions.md)",
+        "file of the vehicle's positions: `eo.json` of `process` with the exposures as events "
+        "(its camera is the target), its `trajectory.csv`, or a table of positions of the target "
+        "(target_positions.md)",
         cli="--vehicle",
         cli_meaning="trajectory.csv, eo.json or table of target positions of a vehicle",
     )
     target: str = option(
         "K_",
-        "name of the target in the image observations: a prefix before the name of the image"
-        " (K_IMG_0010), or one name in all images, then taken as another point in each image",
+        "name of the target in the image observations: a prefix to the image name (K_IMG_0010), "
+        "or one name, which is a different point in each image",
     )
     target_m: Triple | None = option(
         None,
-        "vector from the point of the trajectory (of eo.json: from its camera) to the target,"
-        " forward, right, down in the axes of the vehicle",
+        "lever arm from the point of the trajectory (of eo.json: the camera) to the target, "
+        "forward, right, down in vehicle axes",
         unit="m",
         kind="lever",
         usual="zero of eo.json and of a table",
         needs=("file",),
     )
     target_sigma_m: Triple | None = sigmas(
-        "a-priori standard deviations of a correction of target_m that the adjustment estimates",
+        "a-priori standard deviations of the estimated correction of the lever arm target_m",
         usual="it is as stated",
         needs=("file",),
     )
     time_offset_s: float = option(
-        0.0, "seconds that are added to the stamps of the vehicle", unit="s", low=-1e6, high=1e6
+        0.0, "time offset added to the time stamps of the vehicle", unit="s", low=-1e6, high=1e6
     )
     time_offset_sigma_s: float = option(
         0.0,
-        "standard deviation of the delay of the vehicle's clock, which is estimated; 0: it is as "
-        "stated",
+        "a-priori standard deviation of the estimated delay of the vehicle's clock; 0: no delay "
+        "is estimated",
         unit="s",
         low=0.0,
         high=10.0,
     )
     shift_sigma_m: Triple | None = sigmas(
-        "standard deviations of a shift of all positions of the vehicle, east, north, up, which is "
-        "estimated",
+        "a-priori standard deviations of the estimated shift of all positions of the vehicle, "
+        "east, north, up",
         usual="none",
         needs=("file",),
     )
     correlated_share: float = option(
         0.75,
-        "for trajectory.csv and a table: time-correlated share of the variances"
-        " (correlation_time_s); the rest is white. eo.json has its own covariance",
+        "time-correlated share of the variances of trajectory.csv or a table "
+        "(correlation_time_s); the remainder is white; eo.json has its own covariance",
         low=0.0,
         high=1.0,
     )
@@ -72,8 +72,8 @@ class VehicleTable(Checked, table="vehicle"):
     )
     longest_gap_s: float = option(
         1.0,
-        "longest time between two rows of the file within which it is interpolated; exposures in a "
-        "longer one have no target",
+        "longest interval between two rows of the file that is interpolated; exposures in longer "
+        "intervals have no target",
         unit="s",
         low=0.001,
         high=100.0,
@@ -90,8 +90,8 @@ class VehicleTable(Checked, table="vehicle"):
     )
     size_sigma_m: float = option(
         0.0,
-        "a-priori standard deviation of the error of size_m, which is estimated; 0: size_m is"
-        " exact",
+        "a-priori standard deviation of the estimated error of the target size size_m; 0: size_m "
+        "is exact",
         unit="m",
         low=0.0,
         high=10.0,
@@ -106,4 +106,7 @@ class VehicleTable(Checked, table="vehicle"):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.target.strip():
-            raise OptionError("vehicle.target", "is empty; give a prefix, such as K_, or a name")
+            raise OptionError(
+                "vehicle.target",
+                "is empty; give a prefix of the target's points, such as K_, or their name",
+            )

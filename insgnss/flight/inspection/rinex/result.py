@@ -18,12 +18,12 @@ from ..draft import Draft, write_draft
 from .survey import FULL_SYSTEM_NAMES, Receiver, Survey
 
 RINEX_DRAFT_REMARKS = (
-    "Drafted by insgnss inspect from RINEX: table [gnss] is for `insgnss process` once an IMU is"
-    " there; `insgnss ppk` solves the positions, and those of the camera, without one.",
+    "Drafted by insgnss inspect from RINEX. `insgnss ppk` computes the positions of antenna and "
+    "camera from it; `insgnss process` also needs a table [imu].",
 )
 POSITION_WHY = (
-    "of the base's header, which is approximate as a rule: give the station's coordinates, and"
-    " what they are of"
+    "from the base's RINEX header, usually approximate; give the station's coordinates and the "
+    "point (apc, arp, marker) that they belong to"
 )
 
 
@@ -49,7 +49,7 @@ class RinexInspection(Shown):
         """Write the draft; return the inspection with the files written."""
         draft = Draft(remarks=RINEX_DRAFT_REMARKS)
         draft.add("", "name", self.name)
-        draft.add("imu", "file", "imu.csv", "no samples of an IMU are among the files", False)
+        draft.add("imu", "file", "imu.csv", "the files hold no IMU samples", False)
         draft_raw_gnss(draft, self.survey)
         draft.add("output", "directory", "results")
         return replace(self, written=tuple(write_draft(draft, path, force)))

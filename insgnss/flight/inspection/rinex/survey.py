@@ -246,8 +246,8 @@ def rover_and_base(receivers: Sequence[Receiver]) -> tuple[Receiver | None, Rece
         return (
             None,
             None,
-            "observations of one receiver alone; give those of a base as well (its hourly files,"
-            " or a station of the reference network)",
+            "the observations are of one receiver; give those of a base station as well (hourly "
+            "files, or a station of the reference network)",
         )
     rules: tuple[tuple[str, Callable[[Receiver], bool]], ...] = (
         ("only its file has camera events", lambda receiver: receiver.events > 0),
@@ -256,7 +256,7 @@ def rover_and_base(receivers: Sequence[Receiver]) -> tuple[Receiver | None, Rece
             lambda receiver: _marker_moves(receiver.header),
         ),
         (
-            "its epochs come oftener than those of the others",
+            "its observation rate is higher than that of the others",
             lambda receiver: all(
                 receiver.interval_s * OFTENER < r.interval_s for r in receivers if r is not receiver
             ),
@@ -276,7 +276,7 @@ def rover_and_base(receivers: Sequence[Receiver]) -> tuple[Receiver | None, Rece
                 return rover, None, "no other receiver observed at the rover's time"
             return rover, base, why
     names = ", ".join(receiver.files[0].name for receiver in receivers)
-    return None, None, f"nothing in {names} tells which receiver flew; name the rover yourself"
+    return None, None, f"the files do not show which receiver of {names} flew; name the rover"
 
 
 def _marker_moves(header: RinexHeader) -> bool:

@@ -36,7 +36,7 @@ LAST_TOW_S = 2.0 * WEEK_S  # largest time of week (s): flights run past the week
 LAST_WEEK = 4000  # GPS week, of 2056: later ones are of ticks taken for seconds
 EXPOSURE_EPOCH_UNITS = ("unix", "unix_ms", "unix_us", "unix_ns")
 LARGEST_LIST_BYTES = 20_000_000  # of a list of exposures: 100 000 of 200 characters each
-NAMES_BY_VALUES = "by the values of its columns, and where several could be meant by their names"
+NAMES_BY_VALUES = "columns recognised by their values, and by their names where several values fit"
 
 
 def exposures_of(path: Path) -> tuple[list[InputSource], str]:
@@ -82,7 +82,7 @@ def _source(path: Path, columns: dict[str, str] | None) -> InputSource | None:
     keys: dict[str, Any] = {} if columns is None else {"columns": columns}
     why = dict.fromkeys(keys, NAMES_BY_VALUES)
     if units is not None:
-        keys["units"], why["units"] = units, "times are of no week, but count from 1970"
+        keys["units"], why["units"] = units, "times count seconds from 1970, not of a GPS week"
     if events.time_scale:
         keys["time_scale"], why["time_scale"] = events.time_scale, SCALE_OPEN
     count = f"exposures{' with their dates' if dated else ''}, {len(events.images)} of them"
@@ -121,8 +121,9 @@ def _columns(table: TextTable) -> tuple[dict[str, str], str]:
             return {"image": titles[image], role: titles[column_index]} | of_week, ""
     names = ", ".join(repr(name) for name in titles)
     return {}, (
-        f"it lists images ({titles[image]}), but which of {names} is the time of exposure cannot"
-        ' be seen; camera.columns = { image = "...", tow = "..." } or { image, time } names them'
+        f"the table lists images ({titles[image]}), but none of {names} is surely the time of "
+        'exposure; name both in camera.columns = { image = "...", tow = "..." } or { image, time '
+        "} names them"
     )
 
 

@@ -100,14 +100,15 @@ def _refuse_without_gravity(path: Path, force: Any) -> None:
     steadiness = float(np.linalg.norm(np.mean(force, axis=0)) / max(float(np.median(size)), 1e-12))
     if spread < EXACT_SHARE:
         raise InputError.in_file(
-            path, f"{size[0]:g} in every row: gravity as the device estimates it, no sensor"
+            path,
+            f"{size[0]:g} in every row: gravity computed by the device, not measured",
         )
     if spread > HALF_SCATTER and steadiness < HALF_SCATTER:
         raise InputError.in_file(
             path,
-            f"accelerations without gravity (median size {np.median(size):.3g}, scatter"
-            f" {spread:.2g} of it): a telephone's linear acceleration; take the file of its"
-            " accelerometer with gravity (TotalAcceleration, raw or uncalibrated)",
+            f"accelerations without gravity (median size {np.median(size):.3g}, relative scatter "
+            f"{spread:.2g}), such as a telephone's linear acceleration; take its accelerometer "
+            "file with gravity (TotalAcceleration, raw or uncalibrated)",
         )
 
 
@@ -138,8 +139,8 @@ def of_two_halves(
     if not gyros or not accels:
         raise InputError.in_file(
             sensors[0].path,
-            f"{sensors[0].what}: no {LACKS[sensors[0].role]} beside them; give the file of these as"
-            " well, put both into one table, or call them gx gy gz and ax ay az",
+            f"{sensors[0].what}: {LACKS[sensors[0].role]} are missing; give their file as well, "
+            "put both sensors into one table, or name the columns gx gy gz and ax ay az",
         )
     gyro, accel = (_calibrated(sources) for sources in (gyros, accels))
     pairs = [
@@ -151,7 +152,7 @@ def of_two_halves(
     if not pairs:
         raise InputError.in_file(
             accel.path,
-            f"no column of time of the same name and unit as in {gyro.path.name}; call both time",
+            f"no time column is named as in {gyro.path.name}, in the same unit; name both time",
         )
     first, *further = (_pair(g, a) for g, a in pairs)
     return replace(first, other_clocks=tuple(further))

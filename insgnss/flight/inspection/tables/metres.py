@@ -62,9 +62,9 @@ def in_metres(roles: Roles, renamed: dict[str, str]) -> Roles:
     columns = {renamed.get(name, name): k for name, k in roles.columns.items()}
     units = {key: unit for key, unit in roles.units.items() if key != "angle"}
     names = [renamed[name] for name in GEODETIC_FIELDS]
-    how = f"{roles.how}; {' '.join(names)} are metres about a point of their own"
+    how = f"{roles.how}; {' '.join(names)} are in metres about a local origin"
     if tuple(names) == GEOCENTRIC:
-        how = f"by their distance from the Earth's centre; {' '.join(names)} are geocentric"
+        how = f"by the distance from the Earth's centre; {' '.join(names)} are geocentric"
     return replace(roles, columns=columns, units=units, how=how)
 
 

@@ -38,10 +38,10 @@ LAG, TRAVELLED, SMALL_M = 20, 4.0, 100.0
 FOLLOWS, SLOPE, KEPT_VELOCITIES = 0.8, (0.75, 1.3), 0.75
 RISES = 0.3  # correlation that tells a vertical velocity beside a speed and a course
 MOST_ROWS_LOOKED_AT = 20000  # looked at
-PLACES_BY_VALUES = "by their values: a position on Earth that moves as its velocity says"
+PLACES_BY_VALUES = "by their values, a position on Earth that moves as its velocity"
 ORDER_ASSUMED = (
-    "by their values: a position on Earth; no velocity shows which of the two angles is the"
-    " latitude, the first that can be one is taken: check it"
+    "recognised by their values, a position on Earth; no velocity shows which angle is the "
+    "latitude, so the first possible one is taken: check the order"
 )
 _ORDERS = {
     ("vn", "ve", "vd"): (0, 1, 2, 1.0),

@@ -70,7 +70,7 @@ def imu_roles(grid: UnknownTable) -> Roles | None:
         columns,
         ticks,
         week_column(grid),
-        how="by their values: gravity is in one triad, not in the other",
+        how="recognised by their values: one triad of columns has gravity, the other not",
     )
 
 
@@ -263,7 +263,7 @@ def _unused_velocity(columns: dict[str, int]) -> dict[str, str]:
     else:
         unused = dict.fromkeys(
             triad | polar | sigmas | {"vd", "vu", "sd_v"},
-            "no whole velocity: it needs vn ve and vd or vu, or speed and course",
+            "velocity incomplete: vn, ve and vd or vu are needed, or speed and course",
         )
     return {role: why for role, why in unused.items() if role in columns}
 
@@ -294,7 +294,7 @@ def _unusable_sigmas(grid: UnknownTable, columns: dict[str, int]) -> dict[str, s
         if role in SIGMA_ROLES and column.min() == 0.0 and (column > 0.0).mean() > STATED_SHARE:
             continue  # of some kinds of fixes: `sigma_m` serves the rest
         if role.startswith("var_") or floor_of_zeros(column) is None:
-            reasons[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
+            reasons[role] = f"not above 0 in {int((column <= 0.0).sum())} of {column.size} rows"
     velocities = {role for role in columns if role in VELOCITY_SIGMAS}
     if not columns.keys() - reasons.keys() >= VELOCITY_SIGMAS:
         reasons = dict.fromkeys(velocities, "not all three are of use") | reasons
@@ -321,10 +321,7 @@ def _quality(grid: UnknownTable, columns: dict[str, int], units: dict[str, str])
     if codes == "nmea":
         units["quality"] = codes
     elif codes is None and squashed(name) not in OF_QUALITY:
-        return {
-            "q": "a quality, but nothing shows whether its codes are RTKLIB's or NMEA's, which"
-            " contradict each other"
-        }
+        return {"q": "a quality whose codes may be RTKLIB's or NMEA's, which contradict each other"}
     return {}
 
 

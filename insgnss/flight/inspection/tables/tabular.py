@@ -40,22 +40,22 @@ OF_RECEIVER = {"nsats", "hdop"}  # names beside which a lone yaw is that of two 
 UNIT_COLUMNS = {"angle": "lat", "course": "course", "length": "h"}
 UNIT_REASONS = {
     "1e-7 deg": "values far beyond 360",
-    "deg": "values beyond what a course in rad can be",
-    "mm": "heights are whole numbers beside latitudes in 1e-7 deg",
+    "deg": "values are too large for a course in rad",
+    "mm": "heights are whole numbers, and latitudes are in 1e-7 deg",
 }
-VELOCITY_UNIT_REASON = "velocities are whole numbers beside heights in mm"
-SIGMA_UNIT_REASON = "standard deviations are no whole numbers beside heights in mm"
+VELOCITY_UNIT_REASON = "velocities are whole numbers, and heights are in mm"
+SIGMA_UNIT_REASON = "standard deviations have decimals, unlike the heights in mm"
 NMEA_CODES = (
-    "the standard deviations show that the quality has the codes of NMEA: 1 single, 4 fixed, 5"
-    " float"
+    "the standard deviations show that the quality codes are those of NMEA: 1 single, 4 fixed, 5 "
+    "float"
 )
 NO_CLOCK = (
-    f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and noise densities"
-    " depend on it"
+    f"the file has no time column; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and noise "
+    "densities depend on this value"
 )
 HELD_FIXES = "the rows between two fixes repeat the last fix; this column changes with each new fix"
 NO_VELOCITY_SIGMA = (
-    "no standard deviations of the velocity in the file: these are typical of a receiver"
+    "the file has no standard deviations of the velocity; the values are typical of a receiver"
 )
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
 ARRAY_ENDINGS = {".mat", ".npy", ".npz"}  # files whose columns must be named
@@ -155,22 +155,22 @@ def _incomplete(table: GridTable, fixes: Roles | None, samples: Roles | None) ->
     ]
     if texts and not timed:
         return (
-            f"the column of time {texts[0]} holds no numbers and no dates: times of day alone lack"
-            " the day; write seconds, or dates as 2026-05-01 09:00:00.010"
+            f"the time column {texts[0]} holds neither numbers nor dates, and times of day lack "
+            "the date; write seconds, or dates as 2026-05-01 09:00:00.010"
         )
     if samples is not None and not samples.clocks:
         return (
-            f"gyros and accelerometers without a column of time among {names}; call one time or"
-            " tow, or set imu.columns and imu.rate_hz"
+            f"gyros and accelerometers have no time column among {names}; name one time or tow, "
+            "or set imu.columns and imu.rate_hz"
         )
     if fixes is not None and not fixes.clocks:
-        return f"positions without a column of time; there are {names}; call one time or tow"
+        return f"positions have no time column among {names}; name one time or tow"
     named = triads_named(table.grid) if len(table.grid.values) >= FEWEST_ROWS else []
     if len(named) == 1 and fixes is None:
         missing = "accelerometers" if named == ["gyros"] else "gyros"
         return (
-            f"{named[0]} without {missing} or a column of time among {names}; put both into one"
-            " table, or call them gx gy gz and ax ay az"
+            f"{named[0]} without {missing} or a time column among {names}; put both sensors into "
+            "one table, or name the columns gx gy gz and ax ay az"
         )
     return ""
 
@@ -243,7 +243,7 @@ def _gnss_source(path: Path, table: GridTable, roles: Roles) -> InputSource:
             entry.set("reference", list(reference), "a comment of the file names it")
         names = [table.fields[columns["h"]] or ""] if "h" in columns else []
         if above_geoid := refused_heights(path, names, commented=_is_text(path)):
-            reason = f"{above_geoid}: the geoid's height above the ellipsoid goes here"
+            reason = f"{above_geoid}: write the geoid's height above the ellipsoid here"
             entry.set("undulation_m", 0.0, reason)  # to look at them; the draft leaves it open
         rows: Any = slice(None)
         if roles.repeat_column is not None:
@@ -267,7 +267,7 @@ def _add_units(entry: Keys, grid: UnknownTable, roles: Roles) -> None:
         value, kind = roles.units[key], "length" if key == "length" else "angle"
         if value != (grid.unit_of(roles.columns[column], kind) or "deg"):
             quantity = "a course" if key == "course" else "latitude and longitude"
-            usual = f"no value exceeds what {quantity} in rad can be"
+            usual = f"no value is too large for {quantity} in rad"
             entry.set_unit(key, value, UNIT_REASONS.get(value, usual))
     for key, reason in (("sigma", SIGMA_UNIT_REASON), ("velocity", VELOCITY_UNIT_REASON)):
         if key in roles.units:
@@ -280,8 +280,8 @@ def _add_sigmas(entry: Keys, grid: UnknownTable, columns: dict[str, int]) -> Non
         entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
     elif unstated := _unstated(grid, columns):
         reason = (
-            f"{unstated} of {len(grid.values)} fixes state no standard deviation, or 0: these are"
-            " typical of a single-point receiver"
+            f"{unstated} of {len(grid.values)} fixes have no standard deviation, or 0; the values "
+            "are typical of a single-point receiver"
         )
         entry.set("sigma_m", SINGLE_POINT["sigma_m"], reason)
     if {"vn", "ve", "speed"} & columns.keys() and not {"sd_vn", "sd_v"} & columns.keys():

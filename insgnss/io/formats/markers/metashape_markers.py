@@ -120,9 +120,11 @@ def _markers(measured: ImagePoints, ground: GroundTable) -> Iterator[str]:
 def _locations(measured: ImagePoints) -> Iterator[str]:
     """Yield the lines of the image observations (px), marker by marker."""
     observed = measured.observations
-    for number in range(len(measured.points)):
+    order = np.argsort(observed.point, kind="stable")
+    first_rows = np.searchsorted(observed.point[order], np.arange(1, len(measured.points)))
+    for number, rows in enumerate(np.split(order, first_rows)[: len(measured.points)]):
         yield f'          <marker marker_id="{number}">'
-        for row in np.flatnonzero(observed.point == number).tolist():
+        for row in rows.tolist():
             u, v = observed.uv[row]
             yield (
                 f'            <location camera_id="{observed.image[row]}" pinned="true"'

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ....base.quantiles import chi_square_quantile
 from ....geodesy.least_squares import Equations, NormalEquations
 from ....records.block import Array
 from ...adjust.direct import joint_covariance
@@ -62,17 +63,15 @@ class CheckPoints:
     @property
     def contradicts_alone(self) -> int | None:
         """Row of the one check point without which the others fit; None where there is none."""
-        from scipy.stats import chi2
-
         n, C, d = len(self.rows), self.cov_of_differences, self.difference_m.ravel()
-        if n < 2 or self.normalised_square <= chi2.isf(FITS, d.size):
+        if n < 2 or self.normalised_square <= chi_square_quantile(d.size, FITS):
             return None
         squares = []
         for k in range(n):
             keep = np.delete(np.arange(d.size), np.s_[3 * k : 3 * k + 3])
             squares.append(float(d[keep] @ np.linalg.solve(C[np.ix_(keep, keep)], d[keep])))
         worst = int(np.argmin(squares))
-        return worst if squares[worst] <= chi2.isf(FITS, d.size - 3) else None
+        return worst if squares[worst] <= chi_square_quantile(d.size - 3, FITS) else None
 
     def shift(self) -> tuple[Array, Array]:
         """Return the shift of all check points (3,), m, by least squares, and its covariance."""

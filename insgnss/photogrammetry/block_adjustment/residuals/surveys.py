@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....base.errors import DataError
+from ....base.quantiles import chi_square_quantile
 from ....base.wording import some
 from ....records.block import Array, GroundPoints
 from ..solve import AdjustedBlock, solved
@@ -133,8 +134,6 @@ def best_split(d: Array, C: Array) -> tuple[Array, Array, Array, float] | None:
     gain : float
         By how much the weighted squares fall.
     """
-    from scipy.stats import chi2
-
     n = len(d)
     if n < FEWEST_POINTS:
         return None
@@ -149,7 +148,7 @@ def best_split(d: Array, C: Array) -> tuple[Array, Array, Array, float] | None:
         return shifts, cofactors, float(residual @ W @ residual)
 
     q = fitted(every)[2]
-    if q <= chi2.isf(FITS_CHANCE, 3 * n - 3):
+    if q <= chi_square_quantile(3 * n - 3, FITS_CHANCE):
         return None
     best: tuple[float, Array, Array, Array] | None = None
     for axis in range(3):
@@ -164,8 +163,7 @@ def best_split(d: Array, C: Array) -> tuple[Array, Array, Array, float] | None:
     assert best is not None
     remaining, subset, shift, sigma = best
     splits = 3 * (n - 2 * FEWEST_OF_SURVEY + 1)
-    if q - remaining <= chi2.isf(SPLIT_CHANCE / splits, 3) or remaining > chi2.isf(
-        FITS_CHANCE, 3 * n - 6
-    ):
+    least_gain = chi_square_quantile(3, SPLIT_CHANCE / splits)
+    if q - remaining <= least_gain or remaining > chi_square_quantile(3 * n - 6, FITS_CHANCE):
         return None
     return subset, shift, sigma, q - remaining
