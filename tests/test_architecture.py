@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from insgnss.base.compilation.sources import closure
+from insgnss.base.compilation.kept import closure
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "insgnss"
@@ -544,7 +544,7 @@ OPENS = re.compile(
 )
 WITHOUT_DOOR = {  # reads without `base.inputs`, and why
     "base/ahead.py": "a list in the package",
-    "base/compilation/sources.py": "sources of the package",
+    "base/compilation/kept.py": "sources of the package",
     "base/shipped.py": "a description in the package",
     "base/memory.py": "what the kernel says of memory",
     "base/received/nesting.py": "a document that is going to be replaced",
@@ -555,11 +555,10 @@ WITHOUT_DOOR = {  # reads without `base.inputs`, and why
     "io/formats/bundle/opensfm.py": "a file that is going to be replaced",
     "gnss/engine/combined.py": "solutions of the engine in the run's scratch directory",
     "gnss/engine/program.py": "the engine's program and the first line of its output",
-    "gnss/engine/rtklib.py": "solutions of the engine in the run's scratch directory",
-    "gnss/engine/runs.py": "the engine's own files, which grow while they are read",
+    "gnss/engine/rtklib.py": "the engine's own files in the run's scratch directory, which grow",
     "gnss/engine/worker.py": "options that the run has written",
     "batch/installation/limits.py": "the sources of the package itself",
-    "batch/installation/surroundings.py": "what the kernel says of the processor",
+    "batch/installation/examination.py": "what the kernel says of the processor",
     "photogrammetry/mounting_calibration/products.py": "a file that is going to be replaced",
     "report/markup.py": "files of the package",
     "batch/season/page.py": "a page or a table that is going to be replaced",

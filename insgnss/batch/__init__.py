@@ -4,9 +4,9 @@ It imports `base`, `geodesy`, `records`, `io`, `navigation`, `report`, `gnss` an
 and `cli` import it.
 
 The way of the data, room by room: `season/` gathers flights (`gathering.py`), foresees their memory
-(`forecast.py`), processes them side by side (`pool.py` on this machine, `scheduler.py` by Dask),
+(`run.py`), processes them side by side (`pool.py` on this machine, `scheduler.py` by Dask),
 keeps a row of each report (`row.py`), looks for trends of an equipment and writes one table and one
-page; `run.py` there has the order. `installation/` is `insgnss doctor`: `examination.py` has the
+page; `run.py` has the order. `installation/` is `insgnss doctor`: `examination.py` has the
 findings in their order.
 
 Where to look
@@ -18,7 +18,7 @@ Where to look
     what can be made again from its inputs (`insgnss archive`): `season/archive.py`
     the table and the page of a season: `season/tables.py`, `page.py` there
     packages by their metadata: `installation/packages.py`
-    machine, kernels on disk, grids, the PPK engine: `installation/surroundings.py`
+    machine, kernels on disk, grids, the PPK engine: `installation/examination.py`
     kernels compiled ahead (`doctor --compile`): `installation/compiling.py`
     the compiled core against a closed form: `installation/self_test.py`
     every numeric constant with its reason (`doctor --limits`): `installation/limits.py`

@@ -13,7 +13,7 @@ Where to look
     the order of it all: `ppk.py`, what phases add to its fixes: `corrections.py`; for a flight file
         `from_flight_file.py`
     options of PPK: `ppk_options.py`; the option file of RTKLIB: `options.py`
-    which program RTKLIB is: `engine/program.py`; how its processes run and end: `engine/runs.py`
+    which program RTKLIB is: `engine/program.py`; how its processes run and end: `engine/rtklib.py`
     forward and backward solutions combined: (C.1), (C.2) in `engine/combined.py`
     receivers' own logs as RINEX: `engine/convert.py`
     numbers that calibrate covariances of PPK: `covariance_model.py`; the rules that take them

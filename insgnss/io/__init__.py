@@ -47,6 +47,6 @@ Where to look
         there, `formats/blocks/gcp_list.py`; targets on a vehicle: `formats/vehicle/`
     which event is which image: `exposures/match.py`, `clocks.py`, `naming.py` there; names and
         stamps that do not go together `exposures/numbering.py`; offset, week, span and digits of
-        the stamps `exposures/instants.py`, `rounding.py` there
+        the stamps `exposures/instants.py`
     whose clock stamps the exposures (`camera.clock`): `event_clock` in `exposures/rig.py`
 """

@@ -26,8 +26,8 @@ Where to look
     a measurement given by its prediction: `filter/linearised.py`, again after each pass in
         `filter/solution.py`, `linearised_rows` in `filter/kernels/measurements.py`, (K.13)
     covariance of a fix: rules in `prepare/fix_covariance/__init__.py`, applied once by `decide` in
-        `decision.py` there; what is not believed: `classes.py`, what says nothing beside better
-        fixes: `quality.py`, few digits: `rounding.py` there; dead bands: `prepare/dead_band.py`
+        `decision.py` there, few digits too; what is not believed: `classes.py`, what says nothing
+        beside better fixes: `quality.py` there; dead bands: `prepare/dead_band.py`
     gaps of the IMU: `prepare/gaps.py`, bridged in `increments.py` there, their variance in
         `add_gap_noise` of `filter/kernels/error_model.py`
     noise numbers: `noise_model/models/`, read by `noise_model/model.py`

@@ -5,7 +5,7 @@ It imports `base`, `geodesy`, `records`, `io`, `navigation`, `report` and `fligh
 `insgnss/navigation/noise_model/`, since the filter needs them.
 
 The way of the data, room by room
-    `tuning/` reads and checks static recordings (`reading.py`, `recordings.py` there)
+    `tuning/` reads and checks static recordings (`recordings.py` there)
     `moments/` makes wavelet variances of them, and of models the same with their covariance
     `estimation/` fits composite models to the variances (GMWM), with tests of fit
     `tuning/` gives the verdict and the noise model's file (`static.py` has the order there);
@@ -20,7 +20,7 @@ Where to look
     its realisation: `processes/realisation.py`, its letters `composition.py` there
     the covariance of the variances: `moments/haar_covariance.py`
     choosing a model: `tuning/fitting.py`; processes a recording cannot determine: `usable.py`
-        there; warming up: `trend.py` there; the bias at turn-on: `turn_on.py` there
+        there; warming up: `trend.py` there; the bias at turn-on: `static.py` there
     recordings of some channels: `tuning/some_channels.py`; several IMUs: `several.py` there
     options: `tuning/options.py`; pages: `tuning/result.py`, `tuning/in_flight/result.py`
 """

@@ -31,7 +31,8 @@ Where to look
         `adjust/direct.py`, by `block_adjustment/solve.py`, `residuals/check_points.py` there
     kinematic ground control: (J.21) to (J.23) in `adjust/kinematic.py`; files, (KI.1), wrong clock,
         base or lever arm: `block_adjustment/vehicle/`; options:
-        `insgnss/flight/config/block_tables/vehicle.py`; size (GT.7): `target_measurement/sizes.py`
+        `insgnss/flight/config/block_tables/vehicle.py`; size (GT.7):
+        `target_measurement/products.py`
     ground points in the axes of a block: `block_adjustment/ground.py`; first poses: `placing.py`
         there
     groups that contradict each other: `block_adjustment/judgement.py`; what explains it, each

@@ -19,13 +19,13 @@ Where to look
         `_sections` of `page.py`
     how a chart becomes a picture: `charts/chart.py` (what a chart is); PNG, PDF, SVG by `drawn.py`
         and `artists.py`, `insgnss figures` by `files.py` there
-    the table of images and its flags: `image_table.py`, shown by `Table` in `assets/report.js`
+    the table of images and its flags: `page.py`, shown by `Table` in `assets/report.js`
     the verdict, its colour and its reason: `verdict.py`; of a flight `rules/use.py`
     what no flight can show, listed once: `rules/hidden.py`
     what prints: sections that are `brief` and the map, all else is the appendix (`Document.html`,
         `@media print` of `assets/report.css`); `insgnss report`: `printed.py`
     satellites, ratio, age, PDOP of fixes: `fix_series` in `charts/gnss.py`; line by line
-        `line_fixes.py`
+        `line_fixes` in `summary.py`
     the sentence on fixes minus solution: `residuals` of `rules/fixes.py`
     the wavelet (Allan) variance as a chart: `figures/noise.py`
     how a document becomes text or a page, folding, checks as a table: `document.py`; HTML

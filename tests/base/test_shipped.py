@@ -9,7 +9,7 @@ import pytest
 from llvmlite.binding import get_host_cpu_features
 
 from insgnss.base.shipped import NUMBA_VARIABLES, PROCESSORS, choose_processor, read_processor
-from insgnss.batch.installation import surroundings
+from insgnss.batch.installation import examination
 
 HERE = [name for name, present in get_host_cpu_features().items() if present][:3]
 SHIPPED = {"name": "x86-64-v3", "features": HERE, "llvmlite": llvmlite.__version__}
@@ -58,12 +58,12 @@ def test_the_users_choice_and_an_imported_numba_stay(described, tmp_path, monkey
 
 def test_doctor_says_whether_shipped_kernels_are_used(described, monkeypatch):
     """Oracle: the description by hand."""
-    assert surroundings._shipped_findings({}) == []
-    (unused,) = surroundings._shipped_findings(read_processor(described()))
+    assert examination._shipped_findings({}) == []
+    (unused,) = examination._shipped_findings(read_processor(described()))
     assert "not used here" in unused.found
     assert f"llvmlite=={llvmlite.__version__}" in unused.advice
     choose_processor(described())
-    (used,) = surroundings._shipped_findings(read_processor(described()))
+    (used,) = examination._shipped_findings(read_processor(described()))
     assert (used.verdict, used.found[:13]) == ("ok", "for x86-64-v3")
 
 

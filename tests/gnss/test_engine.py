@@ -121,7 +121,7 @@ def test_a_solution_on_a_full_disk_is_refused(fake, monkeypatch):
     def full(path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
-    monkeypatch.setattr("insgnss.gnss.engine.runs.refuse_cut_off", full)
+    monkeypatch.setattr("insgnss.gnss.engine.rtklib.refuse_cut_off", full)
     with pytest.raises(OSError, match=r"No space left on device: .*\.pos"):
         fake.solve()
 

@@ -1,12 +1,11 @@
-"""Navigation that georinex reads: precise orbits as fitted messages, and its own netCDF."""
+"""Navigation that georinex reads: precise orbits as fitted messages."""
 
 import sys
-import warnings
 from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
-from broadcast import TOW, WEEK, constellation, glonass_elements, message
+from broadcast import TOW, WEEK
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
@@ -131,26 +130,6 @@ def test_what_has_no_kepler_elements_or_no_clock_is_counted(sky, tmp_path):
         with pytest.raises(InputError, match=what) as refused:
             read_navigation(path)
         assert "\n" not in str(refused.value)
-
-
-@pytest.mark.slow
-def test_netcdf_of_georinex_is_the_file_that_it_was_made_of(tmp_path):
-    """Oracle: the RINEX file, message by message."""
-    georinex = pytest.importorskip("georinex")
-    pytest.importorskip("netCDF4")
-    plain, converted = tmp_path / "brdc.nav", tmp_path / "brdc.nc"
-    elements = glonass_elements([2.55e7, 0, 0], [0, 0, 3e3], -3)
-    plain.write_text(constellation() + message(3.04, "R05", (1e-4, 0.0, 0.0), elements))
-    with warnings.catch_warnings(action="ignore"):
-        georinex.load(plain).to_netcdf(converted, group="NAV", mode="w")
-    right, found = read_navigation(plain), read_navigation(converted)
-    order = [np.argsort(one.satellite) for one in (right, found)]
-    assert_array_equal(found.satellite[order[1]], right.satellite[order[0]])
-    assert_array_equal(found.table[order[1]], right.table[order[0]])
-    assert found.channels() == {"R05": -3}
-    converted.write_bytes(converted.read_bytes()[:2000])
-    with pytest.raises(InputError, match=r"no navigation of georinex: .*; give RINEX or SP3"):
-        read_navigation(converted)
 
 
 def test_a_missing_georinex_is_told_with_its_extra(monkeypatch, tmp_path):

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.report.image_table import FLAGS, image_table, shortened
-from insgnss.report.line_fixes import fixes_of_lines
+from insgnss.report.page import FLAGS, image_table, shortened
+from insgnss.report.summary import fixes_of_lines
 
 START = 205200.0
 

@@ -16,9 +16,8 @@ from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.states import CLOCK_RATE, OF_LEVER_ARM, TIME_OFFSET
 from insgnss.report.charts.chart import Chart, Layer, Panel
 from insgnss.report.charts.encoded import in_page
-from insgnss.report.image_table import image_table
 from insgnss.report.markup import sentence
-from insgnss.report.page import page, write_report, write_report_json
+from insgnss.report.page import image_table, page, write_report, write_report_json
 from insgnss.report.summary import run_summary
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}

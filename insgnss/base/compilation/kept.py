@@ -1,8 +1,12 @@
-"""Files of compiled code, verified before they are used; a wheel may ship some."""
+"""Files of compiled code, verified before they are used; a wheel may ship some.
+
+A kernel's compiled code depends on its source file and all that this file imports.
+"""
 
 import hashlib
 import os
 import pickle
+import re
 import stat
 import warnings
 from functools import cache
@@ -13,7 +17,59 @@ import llvmlite
 import numpy as np
 
 from ..shipped import PROCESSOR
-from .sources import digest
+
+_PYTHON_COMMENT = re.compile(r"#[^\n]*")
+_IMPORT = re.compile(r"^from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+
+@cache
+def digest(source: Path) -> str:
+    """Return one digest of the contents of a source file and of all that it imports (`closure`)."""
+    state = hashlib.sha256()
+    for path in sorted(closure(source)):
+        state.update(f"{path.name} {len(_text(path))}\n".encode())
+        state.update(_text(path).encode())
+    return state.hexdigest()
+
+
+def closure(source: Path) -> set[Path]:
+    """Return a source file and those of the package that it imports, directly or through others."""
+    visited: set[Path] = set()
+    todo = [source]
+    while todo:
+        path = todo.pop()
+        if path not in visited:
+            visited.add(path)
+            todo += imported(path)
+    return visited
+
+
+@cache
+def imported(source: Path) -> tuple[Path, ...]:
+    """Return the files of the package that one source file imports at its top.
+
+    The package imports its own modules by relative names only, one statement from the first column
+    on; what is imported within functions or for type checkers alone does not reach a kernel.
+    """
+    files: list[Path] = []
+    for dots, module, names in _IMPORT.findall(_PYTHON_COMMENT.sub("", _text(source))):
+        stem = source.parents[len(dots) - 1].joinpath(*filter(None, module.split(".")))
+        inner = (stem / name.split()[0] for name in names.strip("() \n").split(",") if name.strip())
+        for path in (stem, *inner):
+            files += (
+                file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()
+            )
+    return tuple(files)
+
+
+@cache
+def _text(path: Path) -> str:
+    """Return a source file's content, "" where it lies in an archive or cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError:
+        return ""
+
 
 DIGEST_BYTES = 16  # of a kept file: no damage passes, and 1 MB takes 0.8 ms
 _warned: list[str] = []

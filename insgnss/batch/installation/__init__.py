@@ -2,7 +2,6 @@
 
 `examination`   all findings in their order, as text and as a document
 `packages`      what the package's own metadata asks for: present, new enough, importable?
-`surroundings`  machine, kernels on disk, grids of PROJ, the PPK engine
 `compiling`     the kernels of the main job compiled ahead, on all processors
 `self_test`     the compiled strapdown against a closed form
 `limits`        the numeric constants of the package and their reasons (`doctor --limits`)

@@ -1,30 +1,288 @@
 """RTKLIB in processes of its own: forward and backward solutions of a rover against a base
-(`runs`, by the program of `program` with the option file of `options`), and their combination
+(`Runs`, by the program of `program` with the option file of `options`), and their combination
 (`combined`).
 
 RTKLIB is global state without threads, and goes on without an option that it does not know. Choices
 are given by number, as their words differ between versions.
+
+Two processes run at a time. Inputs are put beside each other in a directory that exists as long as
+the runs, under plain names and unpacked, as RTKLIB takes `%` and `*` in paths for its own and
+unpacks by shell. What the engine reports is not trusted: postpos() and rnx2rtkp return 0 without
+inputs, so that each output must exist and have epochs.
 """
 
-from collections.abc import Iterable, Mapping
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextvars import copy_context
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
 
-from ...base.errors import InputError, UsageError
+from ...base.advance import share
+from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
-from ...base.output.scratch import scratch_directory
-from ...io.formats.gnss.rtklib_pos import PosRows
-from ...records import Finding, Question
-from ..options import KINEMATIC_MODE, PASSES_OF_ENGINE, EngineOptions, check_dynamics, option_file
-from ..rinex.navigation_message import read_navigation
+from ...base.output.scratch import refuse_cut_off, scratch_directory
+from ...base.wording import named
+from ...io.formats.gnss.rtklib_pos import PosRows, read_rtklib_pos
+from ...records import Finding, GnssFixes, Question
+from ..options import (
+    ANTENNAS,
+    KINEMATIC_MODE,
+    PASSES_OF_ENGINE,
+    EngineOptions,
+    check_dynamics,
+    option_file,
+    single_point_file,
+)
+from ..rinex.navigation_message import navigation_bytes, read_navigation
 from ..rinex.observation_record import Observations
 from ..rinex.observations import read_observations
 from .base_coordinates import Whereabouts, check_base_place
 from .combined import combined
 from .normalised import engine_observations
 from .preflight import absolute, check_navigation, check_observations, interval, within_navigation
-from .program import check_names, check_version, engine_command, version
-from .runs import Progress, RunEnd, Runs, Source
+from .program import OF_ALL_VERSIONS, binary, check_names, check_version, engine_command, version
+
+Source = str | Path
+Progress = Callable[[str], None]
+
+PROCESSES = 2  # forward and backward run at a time
+WATCHED_S = 0.5  # between two looks at how far the engine is
+REFUSED = re.compile(r"invalid option value (\S+)")
+UNKNOWN_OPTION = 2  # exit code of our worker for an option that its RTKLIB does not have
+WHERE = "where_"  # runs that find where a receiver stands
+POLL_S = 0.02  # s between two looks whether a process has ended
+INTERVALS_S = (1.0, 5.0, 10.0, 30.0)  # s, of thinned epochs: those at which receivers log
+THINNED = 60  # least epochs of a position by codes where they are thinned
+# bytes of an output where refusals stand; characters quoted of its end, and bytes that hold them
+OUTPUT_HEAD_BYTES, TAIL, TAIL_BYTES = 8192, 200, 2000
+
+
+class RunEnd(NamedTuple):
+    """How a run ended: CPU seconds (not a number where the system does not report them), the last
+    line of its output, options whose values it refused.
+    """
+
+    cpu_s: float
+    last_line: str = ""
+    refused: tuple[str, ...] = ()
+
+    @property
+    def statement(self) -> str:
+        """What it said at last."""
+        return f"it said: {self.last_line or 'nothing'}"
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs of one engine in one directory for scratch."""
+
+    command: Sequence[str]
+    scratch: Path
+    options: EngineOptions
+
+    def stage(self, observed: Sequence[bytes], navigation: Sequence[Source]) -> list[str]:
+        """Write the inputs into the directory and return their names.
+
+        Observations of rover and base are as `normalised` has them, navigation is unpacked.
+        """
+        names = ["rover.obs", "base.obs"]
+        names += [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)]
+        contents = (*observed, *map(navigation_bytes, navigation))
+        for name, content in zip(names, contents, strict=True):
+            (self.scratch / name).write_bytes(content)
+        if self.options.antex is not None:
+            shutil.copyfile(self.options.antex, self.scratch / ANTENNAS)
+        return names
+
+    def single_points(
+        self, name: str, navigation: Sequence[str], observations: Observations
+    ) -> GnssFixes:
+        """Return positions by codes alone, at some 60 epochs, of the receiver of name.obs."""
+        stamps = absolute(observations)
+        span_s = stamps[-1] - stamps[0]
+        thinned = next((s for s in INTERVALS_S if s * THINNED > span_s), INTERVALS_S[-1])
+        path = self.scratch / f"{WHERE}{name}.pos"
+        path.with_suffix(".conf").write_text(single_point_file(self.options), encoding="utf-8")
+        # only epochs on full seconds remain, and there may be none of them: then all are taken
+        for interval_s in (thinned, 0.0) if interval(observations) < thinned else (0.0,):
+            files = [f"{name}.obs", *navigation]
+            try:
+                end = self.run(path.stem, files, threading.Event(), interval_s)
+            except DataError as refusal:
+                self._check_program(str(refusal))
+                raise
+            if _has_epochs(path):
+                return read_rtklib_pos(path)
+            self._check_program(end.statement)
+        message = (
+            "no position from codes; check that the file has codes and that the navigation files"
+            " cover its satellites"
+        )
+        raise DataError(f"{observations.header.path}: {message}")
+
+    def _check_program(self, statement: str) -> None:
+        """UsageError where a program has left no output yet and does not hold RTKLIB's options, as
+        a wrapper would not either.
+        """
+        if (
+            not any(self.scratch.glob("*.pos"))
+            and self.command[0] != sys.executable
+            and OF_ALL_VERSIONS not in binary(Path(self.command[0]))
+        ):
+            message = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
+            raise OptionError("gnss.engine", f"{message} {statement}", self.command[0])
+
+    def both(
+        self, texts: Mapping[str, str], names: Sequence[str], epochs: int, say: Progress
+    ) -> dict[str, RunEnd]:
+        """Run each direction over so many epochs and return how it ended; an error ends all."""
+        for direction, text in texts.items():
+            (self.scratch / f"{direction}.conf").write_text(text, encoding="utf-8")
+        stop = threading.Event()
+        ends: dict[str, RunEnd] = {}
+        with ThreadPoolExecutor(PROCESSES) as pool:
+            jobs = {
+                pool.submit(copy_context().run, self.solution, direction, names, stop): direction
+                for direction in texts
+            }
+            running = set(jobs)
+            try:
+                while running:
+                    ended, running = wait(running, WATCHED_S, FIRST_COMPLETED)
+                    for job in ended:
+                        ends[jobs[job]] = job.result()
+                        say(f"engine: {jobs[job]} solution, {len(ends)} of {len(jobs)}")
+                    written = [self._epochs_of(jobs[job]) / epochs for job in running]
+                    share(min([*written, 1.0]))
+            finally:
+                stop.set()
+        return {direction: ends[direction] for direction in texts}
+
+    def _epochs_of(self, direction: str) -> int:
+        """Count the epochs that a run that has not ended has written."""
+        path = self.scratch / f"{direction}.pos"
+        return path.read_bytes().count(b"\n") if path.is_file() else 0
+
+    def solution(self, direction: str, names: Sequence[str], stop: threading.Event) -> RunEnd:
+        """Run one direction and return how it ended; DataError where its output has no epochs."""
+        if stop.is_set():
+            return RunEnd(math.nan)
+        end = self.run(direction, names, stop)
+        if not stop.is_set() and not _has_epochs(self.scratch / f"{direction}.pos"):
+            message = (
+                "the engine solved no epoch, although rover, base and navigation overlap in time;"
+                f" do they have satellites in common? {end.statement}"
+            )
+            raise DataError(f"{direction} solution: {message}")
+        return end
+
+    def run(
+        self, name: str, files: Sequence[str], stop: threading.Event, every: float = 0.0
+    ) -> RunEnd:
+        """Run the engine on name.conf to name.pos, on epochs `every` s (0: all). DataError,
+        OptionError for a bad end.
+        """
+        if self.command[0] == sys.executable:
+            command = [*self.command, f"{name}.conf", f"{name}.pos", f"{every:g}", *files]
+        else:
+            thinning = ["-ti", f"{every:g}"] if every else []
+            command = [*self.command, "-k", f"{name}.conf", *thinning, "-o", f"{name}.pos", *files]
+        with tempfile.TemporaryFile() as output:
+            streams: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), output)
+            process = subprocess.Popen(
+                command, cwd=self.scratch, env=_environment(), stdin=subprocess.DEVNULL, **streams
+            )
+            try:
+                cpu = _wait_for_cpu_s(process, time.monotonic() + self.options.timeout_s, stop)
+            finally:
+                if process.returncode is None:
+                    process.kill()
+                    process.wait()
+            end = RunEnd(
+                math.nan if cpu is None else cpu, _last_line(output), _refused_options(output)
+            )
+        if refused := [option for option in end.refused if option in self.options.rtklib_options]:
+            problem = f"the engine refused {refused[0]} = {self.options.rtklib_options[refused[0]]}"
+            raise OptionError("gnss.rtklib_options", problem)
+        written = self.scratch / f"{name}.pos"
+        if process.returncode == 0 and written.is_file():
+            refuse_cut_off(written)
+        if process.returncode == 0 or stop.is_set():
+            return end
+        if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
+            raise OptionError("gnss.rtklib_options", end.last_line)
+        receiver = name.removeprefix(WHERE)
+        subject = f"{name} solution" if receiver == name else f"position of the {receiver} by codes"
+        message = f"the engine {self._exit_words(process.returncode, cpu)}; {end.statement}"
+        raise DataError(f"{subject}: {message}")
+
+    def _exit_words(self, code: int, cpu: float | None) -> str:
+        """Return how the engine ended: by its exit code, or past the deadline (`cpu` None)."""
+        if cpu is None:
+            return (
+                f"did not finish in {self.options.timeout_s:g} s; raise {named('gnss.timeout_s')}"
+            )
+        return f"was ended by signal {-code}" if code < 0 else f"stopped with exit code {code}"
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment, with the package where a Python in another directory finds it."""
+    paths = [str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
+
+
+def _wait_for_cpu_s(
+    process: "subprocess.Popen[bytes]", deadline: float, stop: threading.Event
+) -> float | None:
+    """Wait for the process and return its CPU time, s, NaN where the system does not report it.
+
+    It is None past the deadline (s, monotonic) or when `stop` is set.
+    """
+    while time.monotonic() < deadline and not stop.is_set():
+        if not hasattr(os, "wait4"):
+            if process.poll() is not None:
+                return math.nan
+        else:
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+            if pid:
+                process.returncode = os.waitstatus_to_exitcode(status)
+                return usage.ru_utime + usage.ru_stime
+        time.sleep(POLL_S)
+    return None
+
+
+def _last_line(output: BinaryIO) -> str:
+    """Return the end of the last line that is not empty, at most `TAIL` characters.
+
+    RTKLIB ends its lines by carriage returns.
+    """
+    output.seek(0, os.SEEK_END)
+    output.seek(max(output.tell() - TAIL_BYTES, 0))
+    lines = re.split(r"[\r\n]+", output.read().decode("utf-8", errors="replace"))
+    return next((line.strip()[-TAIL:] for line in reversed(lines) if line.strip()), "")
+
+
+def _refused_options(output: BinaryIO) -> tuple[str, ...]:
+    """Return the options whose values the engine refused, which its output names first."""
+    output.seek(0)
+    return tuple(REFUSED.findall(output.read(OUTPUT_HEAD_BYTES).decode("utf-8", errors="replace")))
+
+
+def _has_epochs(path: Path) -> bool:
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return any(line.strip() and not line.startswith(b"%") for line in stream)
 
 
 @dataclass(frozen=True)

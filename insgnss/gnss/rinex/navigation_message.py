@@ -34,7 +34,7 @@ from ...geodesy.gpstime import WEEK_S, gps_from_calendar
 from ...io.formats.text.layout import float_of, shown
 from .navigation_4 import as_rinex_3
 from .systems import BEIDOU_LAG_S, CONSTANTS, is_geostationary
-from .through_georinex import messages_of_netcdf, messages_of_sp3
+from .through_georinex import messages_of_sp3
 
 Array = NDArray[np.float64]
 Source = str | Path
@@ -84,7 +84,6 @@ CHECKED_ORBIT = {
 }
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
 FITTED = "messages fitted to precise orbits (SP3)"
-NETCDF = re.compile("\x89HDF|CDF")
 EPOCH_STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
 F_NAV = 0b10  # bit of the data source: a message of F/NAV, from E5a
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
@@ -221,7 +220,7 @@ class _NavigationText:
         left_out = Counter[str]()
         mended = Counter[str]()
         content = _read_text(path)
-        lines = messages_of_netcdf(path) if NETCDF.match(content) else lines_of(content)
+        lines = lines_of(content)
         if SP3.match(content):
             fitted, left_out = messages_of_sp3(path, content)
             lines = [*fitted]

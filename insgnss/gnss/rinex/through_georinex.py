@@ -1,5 +1,4 @@
-"""Navigation that is no RINEX, read by georinex, as the text of RINEX 3.04 that all else here
-reads: precise orbits (SP3) and the netCDF into which georinex converts.
+"""Precise orbits (SP3), read by georinex, as the text of RINEX 3.04 that all else here reads.
 
 An SP3 file holds positions and clocks every 5 or 15 minutes. To those within `FIT_HALF_WINDOW_S` of
 every full hour the elements of a broadcast message are fitted by least squares, the clock by a
@@ -42,17 +41,6 @@ MESSAGE_NAMES = (
     "iode crs dn m0 cuc ecc cus root_a sow cic node cis i0 crc perigee node_dot idot source"
 )
 MESSAGE_NAMES += " week - - health - - sent fit"
-GEORINEX_NAMES = (  # in the order of a message of RINEX 3; where systems differ, all of them
-    *("SVclockBias", "SVclockDrift SVrelFreqBias", "SVclockDriftRate MessageFrameTime"),
-    *("IODE IODEC IODnav AODE", "Crs", "DeltaN", "M0", "Cuc", "Eccentricity", "Cus", "sqrtA"),
-    *("Toe", "Cic", "Omega0", "Cis", "Io", "Crc", "omega", "OmegaDot", "IDOT"),
-    *("CodesL2 DataSrc", "GPSWeek GALWeek BDTWeek", "L2Pflag", "SVacc SISA", "health SatH1"),
-    *("TGD BGDe5a TGD1", "IODC BGDe5b TGD2", "TransTime", "FitIntvl AODC"),
-)
-NAMES_GLONASS = (
-    *("SVclockBias", "SVrelFreqBias", "MessageFrameTime", "X", "dX", "dX2", "health"),
-    *("Y", "dY", "dY2", "FreqNum", "Z", "dZ", "dZ2", "AgeOpInfo"),
-)
 NAVIGATION_HEAD = (
     f"{'     3.04           N: GNSS NAV DATA    M: MIXED':60}RINEX VERSION / TYPE",
     f"{'':60}END OF HEADER",
@@ -64,50 +52,18 @@ KEPLER_STEPS = 6  # of Newton on Kepler's equation (chosen)
 RANK_TOLERANCE = 1e-9  # of singular values over the largest, below which elements are not moved
 
 
-def library(path: str | Path, kind: str) -> ModuleType:
-    """Return georinex; InputError for a file of this `kind` where it is not installed."""
-    with installed(f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}", path):
-        import georinex
-    return georinex
-
-
-def messages_of_netcdf(path: str | Path) -> list[str]:
-    """Return the navigation messages of a netCDF file of georinex as lines of RINEX 3.04.
-
-    Raises
-    ------
-    InputError
-        Where it is none, or georinex is not installed.
-    """
-    georinex = library(path, "netCDF")
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            table = georinex.rinexnav(Path(path)).load()
-    except (LookupError, ValueError, OSError) as error:
-        message = f"no navigation of georinex: {words_of(error)}"
-        raise InputError.in_file(path, f"{message}; give RINEX or SP3") from None
-    lines = [*NAVIGATION_HEAD]
-    for satellite in table.sv.values.astype(str):
-        rows = table.sel(sv=satellite)
-        glonass = satellite[0] == "R"
-        columns = [
-            next((rows[name].values for name in names.split() if name in rows), None)
-            for names in (NAMES_GLONASS if glonass else GEORINEX_NAMES)
-        ]
-        for k in np.flatnonzero(np.isfinite(rows["SVclockBias"].values)):
-            values = [0.0 if column is None else float(column[k]) for column in columns]
-            if glonass:  # metres there, kilometres in RINEX
-                values[3:] = [x * 1e-3 if k % 4 < 3 else x for k, x in enumerate(values[3:])]
-            stamp = rows.time.values[k].astype("datetime64[s]").item()
-            lines += message_lines(f"{satellite[:3]} {stamp:%Y %m %d %H %M %S}", values)
-    return lines
-
-
 def message_lines(begin: str, values: list[float]) -> list[str]:
     """Return the lines of a message that begins so: three numbers, then four a line."""
     fields = [f"{np.nan_to_num(x):19.12E}" for x in values]
     continuations = ["    " + "".join(fields[k : k + 4]) for k in range(3, len(values), 4)]
     return [begin + "".join(fields[:3]), *continuations]
+
+
+def library(path: str | Path, kind: str) -> ModuleType:
+    """Return georinex; InputError for a file of this `kind` where it is not installed."""
+    with installed(f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}", path):
+        import georinex
+    return georinex
 
 
 @lru_cache(maxsize=4)  # read for the engine and for its checks

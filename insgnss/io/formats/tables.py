@@ -12,7 +12,7 @@ from .text.headers import kinds_like, unit_in
 from .text.sentences import read_sentences
 from .text.text import read_table, read_text_table
 
-AUTOPILOT_LOGS = {"ardupilot": "logs.dataflash:read_log", "ulog": "logs.ulog:read_log"}
+AUTOPILOT_LOGS = {"ardupilot": "logs.ardupilot:read_log", "ulog": "logs.ulog:read_log"}
 
 
 def tables_in(path: str | Path) -> list[TableInfo]:

@@ -104,14 +104,13 @@ def check(instance: Any, table: str) -> None:
     OptionError
         Naming the first value that cannot be.
     """
-    options = declared(instance.__class__)
-    for name, annotation in ((f.name, f.type) for f in fields(instance)):
-        value, key = getattr(instance, name), f"{table}.{name}".removeprefix(".")
-        if name in options:
-            object.__setattr__(instance, name, accepted(options[name], value, key))
-        elif problem := other_class(annotation, value):
+    options, start = declared(instance.__class__), f"{table}." if table else ""
+    for field in fields(instance):
+        value, key = getattr(instance, field.name), start + field.name
+        if field.name in options:
+            object.__setattr__(instance, field.name, accepted(options[field.name], value, key))
+        elif problem := other_class(field.type, value):
             raise OptionError(key, problem)
-    start = f"{table}." if table else ""
     for name, item in options.items():
         missing = [needed for needed in item.option.needs if getattr(instance, needed) is None]
         if missing and getattr(instance, name) != item.default:

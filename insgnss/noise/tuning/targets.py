@@ -17,16 +17,44 @@ if TYPE_CHECKING:
 ELSEWHERE = "give another --out FILE"
 
 
-def check_target(target: Path) -> Path:
-    """`target`. Raises UsageError unless it names a TOML file in a directory that takes files.
+def planned(
+    target: Path, force: bool, measured: Iterable[Path], inputs: Iterable[Path] = ()
+) -> Path:
+    """Return the path of a noise model that is going to be written, with table and page beside it.
 
-    A directory that is not there yet is made when the files are written.
+    Parameters
+    ----------
+    target : Path
+        The noise model; a directory that is not there yet is made when the files are written.
+    force : bool
+        Whether files of other recordings are replaced.
+    measured, inputs : iterable of Path
+        The recordings, and files that are never replaced.
+
+    Raises
+    ------
+    UsageError
+        Where the path names no TOML file in a directory that takes files, an input would be
+        replaced, or files are there that are not of a tuning of the same recordings.
     """
     if target.suffix != ".toml":
         raise UsageError(f"{target}: a noise model is a TOML file; end its name with .toml")
     present = next(path for path in target.absolute().parents if path.exists())
     with writing(target, ELSEWHERE), tempfile.TemporaryFile(dir=present):
+        files, never = (target, *beside(target)), {file.resolve() for file in inputs}
+    if taken := [file for file in files if file.resolve() in never]:
+        raise UsageError(
+            f"{taken[0]}: is an input of this flight and is never overwritten; {ELSEWHERE}"
+        )
+    existing = [str(path) for path in files if path.exists()]
+    if force or not existing:
         return target
+    if not is_file(files[1]):
+        verb = "is" if len(existing) == 1 else "are"
+        reason = f"{', '.join(existing)} {verb} there already, and not of a tuning"
+    elif (reason := other_results(files[1], measured) or "") == "":
+        return target
+    raise UsageError(f"{reason}; nothing done; {ELSEWHERE}, or --force")
 
 
 def beside(target: Path) -> tuple[Path, Path]:
@@ -67,25 +95,3 @@ def write_tuning(
             write_noise_model(model, target, remarks)
         numbers |= made_from(measured, table, (target,) if model else ())
         write_with_page(document, numbers, table, page)
-
-
-def refuse_others(target: Path, measured: Iterable[Path]) -> None:
-    """Raise UsageError where a file is there that is not of a tuning of the same recordings.
-
-    Parameters
-    ----------
-    target : Path
-        The noise model.
-    measured : iterable of Path
-        The recordings.
-    """
-    table, page = beside(target)
-    existing = [str(path) for path in (target, table, page) if path.exists()]
-    if not existing:
-        return
-    if not is_file(table):
-        verb = "is" if len(existing) == 1 else "are"
-        reason = f"{', '.join(existing)} {verb} there already, and not of a tuning"
-    elif (reason := other_results(table, measured) or "") == "":
-        return
-    raise UsageError(f"{reason}; nothing done; {ELSEWHERE}, or --force")

@@ -77,15 +77,6 @@ from .records import CameraPoses, CovariantPoses, Rows
 
 TRANSLATION, BLOCK_TURN, BLOCK_SCALE = "shift", "turn of the block", "scale of the block"
 BENDING, CAMERA_FIXED = "bending of the block", "camera of the block"
-# unknowns of each group: vectors and rotations have three, a delay and a scale one
-GROUP_SIZES = {
-    BORESIGHT: 3,
-    CAMERA_LEVER_ARM: 3,
-    EXPOSURE_DELAY: 1,
-    TRANSLATION: 3,
-    BLOCK_TURN: 3,
-    BLOCK_SCALE: 1,
-}
 UNINFORMED = {
     BORESIGHT: 1.0,
     EXPOSURE_DELAY: 10.0,
@@ -102,6 +93,11 @@ SAME_LEVER_ARM = 1e-5  # m, of segments of one flight
 
 _Piece = tuple[Rows, Array, Array, Array, Array]
 """Rows, e, A, P of a flight line, and D G of (L.2), (m, 6, 6)."""
+
+
+def common_of(segment: int) -> str:
+    """Return the name of the unknowns c of a segment of the flight."""
+    return f"{COMMON_OF_TRAJECTORY} {segment}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,44 +162,46 @@ class Model:
     def __init__(
         self, block: CameraPoses, flight: CovariantPoses, rows: Rows, assumptions: Assumptions
     ) -> None:
-        self.block, self.flight, self.rows = block, flight, rows
+        self.block, self.flight, self.rows, self.assumptions = block, flight, rows, assumptions
         self.whole = block.cov is not None and block.cov.ndim == 2
         self.bends = not self.whole and len(rows) >= FEWEST_BENDING
-        start = first_frame(block, flight, rows, assumptions.frame)
         self.origin = block.position.mean(axis=0)
-        C_o = flight.eo.C_mc[rows]
-        C = start.rotation @ block.C_rc
-        self.values: dict[str, Array] = {
-            BORESIGHT: nearest_rotation(np.einsum("nji,njk->ik", C_o, C)),
+        self.segments = np.unique(flight.common.segment[rows])
+        self.pieces = flight.pieces(rows)
+        self.where = {int(row): k for k, row in enumerate(rows)}
+        start = first_frame(block, flight, rows, assumptions.frame)
+        self.Q = pose_covariances(block, start.scale)
+        self.S = shared_covariance(block, start.scale, assumptions.alike)
+        self.shared = not self.whole and bool(np.diagonal(self.S).all())
+        if self.bends:
+            self.H = bending(start.scale * (block.position - self.origin) @ start.rotation.T)
+        self.values = self._first_values(start)
+        sizes = {name: 3 if x.ndim == 2 else x.size for name, x in self.values.items()}
+        sizes |= {common_of(k): flight.common.factor.shape[2] for k in self.segments}
+        self.size = sum(sizes.values())
+        ends = np.cumsum([*sizes.values()]).tolist()
+        self.place = {
+            name: slice(end - size, end)
+            for (name, size), end in zip(sizes.items(), ends, strict=True)
+        }
+        self.common = np.zeros(self.size)
+        self.arms = self._same_arms()
+
+    def _first_values(self, start: Similarity) -> dict[str, Array]:
+        """Return the values of the unknowns but c with which the adjustment begins."""
+        C = start.rotation @ self.block.C_rc
+        values = {
+            BORESIGHT: nearest_rotation(
+                np.einsum("nji,njk->ik", self.flight.eo.C_mc[self.rows], C)
+            ),
             CAMERA_LEVER_ARM: np.zeros(3),
             EXPOSURE_DELAY: np.zeros(1),
             TRANSLATION: start.points(self.origin),
             BLOCK_TURN: start.rotation,
             BLOCK_SCALE: np.array([start.scale]),
         }
-        self.S = shared_covariance(block, start.scale, assumptions.alike)
-        self.shared = not self.whole and bool(np.diagonal(self.S).all())
-        if self.shared:
-            self.values[CAMERA_FIXED] = np.zeros(6)
-        if self.bends:
-            self.values[BENDING] = np.zeros(BENDS)
-            self.H = bending(start.scale * (block.position - self.origin) @ start.rotation.T)
-        q = flight.common.factor.shape[2]
-        self.segments = np.unique(flight.common.segment[rows])
-        more = ({BENDING: BENDS} if self.bends else {}) | ({CAMERA_FIXED: 6} if self.shared else {})
-        sizes = GROUP_SIZES | more | {f"{COMMON_OF_TRAJECTORY} {k}": q for k in self.segments}
-        ends = np.cumsum([0, *sizes.values()])
-        self.place = {
-            name: slice(int(a), int(b))
-            for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)
-        }
-        self.size = int(ends[-1])
-        self.common = np.zeros(self.size)
-        self.assumptions = assumptions
-        self.pieces = flight.pieces(rows)
-        self.where = {int(row): k for k, row in enumerate(rows)}
-        self.Q = pose_covariances(block, start.scale)
-        self.arms = self._same_arms()
+        bent = {BENDING: np.zeros(BENDS)} if self.bends else {}
+        return values | bent | ({CAMERA_FIXED: np.zeros(6)} if self.shared else {})
 
     def _prior(self) -> tuple[Equations, Equations]:
         """Return what is known before of the unknowns, and that segments have one lever arm."""
@@ -239,80 +237,86 @@ class Model:
         if estimated is None or stated is None or not further.size:
             return np.zeros((0, self.size)), np.zeros(0)
         first, rows = self.segments[0], np.zeros((3 * further.size, self.size))
-        eta = np.concatenate([stated[k] - stated[first] for k in further])
+        rows[:, self.place[common_of(first)]] = np.tile(estimated[first], (further.size, 1))
         for i, k in enumerate(further):
-            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {first}"]] = estimated[
-                first
-            ]
-            rows[3 * i : 3 * i + 3, self.place[f"{COMMON_OF_TRAJECTORY} {k}"]] = -estimated[k]
-        return rows, eta
+            rows[3 * i : 3 * i + 3, self.place[common_of(k)]] = -estimated[k]
+        return rows, np.concatenate([stated[k] - stated[first] for k in further])
 
     def linearised(self) -> tuple[Equations, ...]:
         """Return what is known before, and every line linearised at the values."""
-        flight, values = self.flight, self.values
-        eo = flight.eo
-        assert eo.velocity_mps is not None
-        assert eo.rate_radps is not None
-        R, s = values[BLOCK_TURN], float(values[BLOCK_SCALE][0])
-        arm = s * (self.block.position - self.origin) @ R.T
-        X, C = values[TRANSLATION] + arm, R @ self.block.C_rc
-        of_frame = np.zeros((len(X), 6, 7))
-        of_frame[:, :3, :3] = of_frame[:, 3:, 3:6] = np.eye(3)
-        of_frame[:, :3, 3:6], of_frame[:, :3, 6] = -skew(arm), arm
-        by_pose = [of_frame]  # derivatives of the block's poses: unknowns from TRANSLATION on
-        if self.bends:
-            bent = self.H @ values[BENDING]
-            X, C = X + bent[:, :3], rotation_from_vector(bent[:, 3:]) @ C
-            by_pose.append(self.H)
-        if self.shared:
-            delta = self.values[CAMERA_FIXED]
-            X, C = X + C @ delta[:3], C @ rotation_from_vector(delta[3:])
-            turned = np.zeros((len(X), 6, 6))
-            turned[:, :3, :3] = turned[:, 3:, 3:] = C
-            by_pose.append(turned)
-        of_block, G = np.concatenate(by_pose, axis=2), np.zeros((6, 6))
-        G[:3, :3], G[3:, 3:] = s * R, R
-        first = self.place[TRANSLATION].start
+        X, C, of_block = self._block_poses()
+        G = np.zeros((6, 6))
+        G[3:, 3:] = self.values[BLOCK_TURN]
+        G[:3, :3] = self.values[BLOCK_SCALE][0] * G[3:, 3:]
         pieces: list[_Piece] = []
         for rows, P in self.pieces:
             columns = [self.where[int(row)] for row in rows]
-            m, k = len(columns), int(flight.common.segment[rows[0]])
-            blocks = {
-                (name, 0): values[name] for name in (CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY)
-            }
-            blocks[COMMON_OF_TRAJECTORY, k] = self.common[self.place[f"{COMMON_OF_TRAJECTORY} {k}"]]
-            control = AerialControl(
-                tuple(range(m)),
-                eo.position_m[rows],
-                eo.C_mc[rows],
-                np.eye(6 * m),
-                eo.time[rows],
-                eo.velocity_mps[rows],
-                eo.rate_radps[rows],
-                dict.fromkeys((CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY), 0)
-                | {COMMON_OF_TRAJECTORY: k},
-                common=flight.common.factor[rows],
-            )
-            none = np.zeros((0, 11)), np.zeros((0, 3))
-            e, J = control.linearised(Unknowns(X[columns], C[columns], *none, blocks))
-            D = J[:, : 6 * m].reshape(m, 6, m, 6)[np.arange(m), :, np.arange(m)]
-            A = np.zeros((6 * m, self.size))
-            A[:, first : first + of_block.shape[2]] = (D @ of_block[columns]).reshape(6 * m, -1)
-            column = 6 * m
-            for name in (
-                CAMERA_LEVER_ARM,
-                BORESIGHT,
-                EXPOSURE_DELAY,
-                f"{COMMON_OF_TRAJECTORY} {k}",
-            ):
-                where = self.place[name]
-                width = where.stop - where.start
-                A[:, where] = J[:, column : column + width]
-                column += width
+            e, A, D = self._misclosures(rows, X[columns], C[columns], of_block[columns])
             pieces.append((rows, e, A, P, D @ G))
         if self.whole:
             pieces = [_joined(pieces)]
         return (*self._prior(), *(self._line(*piece) for piece in pieces))
+
+    def _block_poses(self) -> tuple[Array, Array, Array]:
+        """Return the block's poses in m by (L.1), (L.5), (L.6), and their derivatives.
+
+        Returns
+        -------
+        X, C : ndarray, (n, 3) m, (n, 3, 3)
+            Positions, and camera to m.
+        of_block : ndarray, (n, 6, v)
+            Derivatives by the v unknowns of the block, which stand from TRANSLATION on.
+        """
+        values, R = self.values, self.values[BLOCK_TURN]
+        arm = values[BLOCK_SCALE][0] * (self.block.position - self.origin) @ R.T
+        X, C = values[TRANSLATION] + arm, R @ self.block.C_rc
+        of_frame = np.zeros((len(X), 6, 7))
+        of_frame[:, :3, :3] = of_frame[:, 3:, 3:6] = np.eye(3)
+        of_frame[:, :3, 3:6], of_frame[:, :3, 6] = -skew(arm), arm
+        derivatives = [of_frame]
+        if self.bends:
+            bent = self.H @ values[BENDING]
+            X, C = X + bent[:, :3], rotation_from_vector(bent[:, 3:]) @ C
+            derivatives.append(self.H)
+        if self.shared:
+            delta = values[CAMERA_FIXED]
+            X, C = X + C @ delta[:3], C @ rotation_from_vector(delta[3:])
+            turned = np.zeros((len(X), 6, 6))
+            turned[:, :3, :3] = turned[:, 3:, 3:] = C
+            derivatives.append(turned)
+        return X, C, np.concatenate(derivatives, axis=2)
+
+    def _misclosures(
+        self, rows: Rows, X: Array, C: Array, of_block: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return e, A and D of a flight line at the block's poses X, C of its images."""
+        eo, m = self.flight.eo, len(rows)
+        assert eo.velocity_mps is not None
+        assert eo.rate_radps is not None
+        k = int(self.flight.common.segment[rows[0]])
+        of_mounting = (CAMERA_LEVER_ARM, BORESIGHT, EXPOSURE_DELAY)
+        blocks = {(name, 0): self.values[name] for name in of_mounting}
+        blocks[COMMON_OF_TRAJECTORY, k] = self.common[self.place[common_of(k)]]
+        control = AerialControl(
+            tuple(range(m)),
+            eo.position_m[rows],
+            eo.C_mc[rows],
+            np.eye(6 * m),
+            eo.time[rows],
+            eo.velocity_mps[rows],
+            eo.rate_radps[rows],
+            dict(blocks.keys()),
+            common=self.flight.common.factor[rows],
+        )
+        none = np.zeros((0, 11)), np.zeros((0, 3))
+        e, J = control.linearised(Unknowns(X, C, *none, blocks))
+        D = J[:, : 6 * m].reshape(m, 6, m, 6)[np.arange(m), :, np.arange(m)]
+        A = np.zeros((6 * m, self.size))
+        first = self.place[TRANSLATION].start
+        A[:, first : first + of_block.shape[2]] = (D @ of_block).reshape(6 * m, -1)
+        columns = np.r_[tuple(self.place[name] for name in (*of_mounting, common_of(k)))]
+        A[:, columns] = J[:, 6 * m : 6 * m + columns.size]
+        return e, A, D
 
     def _line(self, rows: Rows, e: Array, A: Array, P: Array, D: Array) -> Line:
         """Return a line, the covariance of its block's poses propagated by D G."""
@@ -338,10 +342,8 @@ class Model:
                 self.values[name] = value * np.exp(step)
             else:
                 self.values[name] = value + step
-        common = np.zeros(self.size, dtype=bool)
-        for k in self.segments:
-            common[self.place[f"{COMMON_OF_TRAJECTORY} {k}"]] = True
-        self.common = np.where(common, self.common + dx, 0.0)
+        for columns in (self.place[common_of(k)] for k in self.segments):
+            self.common[columns] += dx[columns]
 
 
 def _joined(pieces: list[_Piece]) -> _Piece:

@@ -26,7 +26,7 @@ from ...base.errors import DataError
 from ...geodesy.least_squares import NormalEquations, adjusted, conditioned
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...records.block import Array
-from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, COMMON_OF_TRAJECTORY, EXPOSURE_DELAY
+from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY
 from .equations import (
     BENDING,
     BLOCK_SCALE,
@@ -35,6 +35,7 @@ from .equations import (
     TRANSLATION,
     Line,
     Model,
+    common_of,
 )
 from .options import Assumptions
 from .records import CameraPoses, CovariantPoses, Rows
@@ -81,7 +82,7 @@ class AdjustedMounting:
     values : mapping
         Of `SIZES`; E as a matrix (3, 3), R as a matrix (3, 3), s.
     place : mapping
-        Where each stands among the unknowns; (`COMMON_OF_TRAJECTORY`, k) of segment k.
+        Where each stands among the unknowns; `common_of` a segment its c.
     common : ndarray, (u,)
         The unknowns as a vector as far as they are common errors, zero elsewhere.
     cov : ndarray, (u, u)
@@ -163,7 +164,7 @@ class AdjustedMounting:
         """Return eta, Lambda, and where c stands."""
         common = self.flight.common
         k = int(common.segment[self.rows[0]])
-        where = self.place[f"{COMMON_OF_TRAJECTORY} {k}"]
+        where = self.place[common_of(k)]
         if common.lever_arm is None or common.lever_arm_m is None:
             return np.zeros(3), np.zeros((3, where.stop - where.start)), where
         arm = common.lever_arm[k]
@@ -227,7 +228,7 @@ class AdjustedMounting:
         """
         flight = self.flight
         k = int(flight.common.segment[line.rows[0]])
-        where, lever_arm = self.place[f"{COMMON_OF_TRAJECTORY} {k}"], flight.common.lever_arm
+        where, lever_arm = self.place[common_of(k)], flight.common.lever_arm
         of_line = line.A.reshape(line.rows.size, 6, -1)[:, :3, where]
         C_mb = flight.eo.C_mc[line.rows] @ flight.mounting.C_cb
         arm = np.zeros_like(of_line) if lever_arm is None else C_mb @ lever_arm[k]
@@ -256,7 +257,7 @@ class AdjustedMounting:
         Parameters
         ----------
         name : str
-            A key of `SIZES`.
+            A key of `place`.
 
         Returns
         -------

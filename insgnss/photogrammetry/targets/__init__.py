@@ -17,7 +17,7 @@ Signals
     (`signals`, `template`).
 Search
     Normalised cross-correlation of the template with the window that (GT.1) gives, in steps of the
-    azimuth; of pixels within the signal only, for nobody knows what lies around it (`search`).
+    azimuth; of pixels within the signal only, for nobody knows what lies around it (`measurement`).
 Least-squares matching
     Of pixels x within the signal, with c the centre, T_s the template of blur s and M near I,
 

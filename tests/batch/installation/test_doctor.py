@@ -12,11 +12,11 @@ import pytest
 import insgnss
 from insgnss.base.errors import UsageError
 from insgnss.base.findings import Finding, Question
-from insgnss.batch.installation import examination, packages, surroundings
+from insgnss.batch.installation import examination, packages
+from insgnss.batch.installation.examination import engine_finding, grid_findings, kernel_findings
 from insgnss.batch.installation.limits import limits_of, read_limits
 from insgnss.batch.installation.packages import import_failures, module_of, package_findings
 from insgnss.batch.installation.self_test import LIMIT_DEG, LIMIT_M, SelfTest, self_test
-from insgnss.batch.installation.surroundings import engine_finding, grid_findings, kernel_findings
 from insgnss.cli import main
 
 
@@ -188,8 +188,8 @@ def test_the_engine_is_that_of_ppk(monkeypatch):
 def test_the_machine_says_what_it_does_not_know(tmp_path, monkeypatch):
     """Oracle: a processor by hand; a system without memory figures."""
     (tmp_path / "cpuinfo").write_text("processor\t: 0\nmodel name\t: Abacus 3000\n")
-    monkeypatch.setattr(surroundings, "available", lambda: None)
-    found = {f.name: f for f in surroundings.machine_findings(tmp_path / "cpuinfo")}
+    monkeypatch.setattr(examination, "available", lambda: None)
+    found = {f.name: f for f in examination.machine_findings(tmp_path / "cpuinfo")}
     assert found["processor"].found.startswith("Abacus 3000, ")
     assert found["memory"].verdict == "unknown"
     assert found["insgnss"].found.startswith(insgnss.__version__)

@@ -7,7 +7,7 @@ import pytest
 from seasons import short_flight
 
 from insgnss.batch.season.archive import examine_archive
-from insgnss.batch.season.forecast import forecast_bytes
+from insgnss.batch.season.run import forecast_bytes
 from insgnss.batch.season.work import FAILED, Outcome, Task, is_changed, process_task
 
 pytestmark = pytest.mark.slow

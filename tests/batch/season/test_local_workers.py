@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
-from insgnss.batch.season.forecast import rows_of
 from insgnss.batch.season.pool import next_flight
+from insgnss.batch.season.run import rows_of
 from insgnss.batch.season.scheduler import run_on_scheduler
 from insgnss.batch.season.work import Task
 

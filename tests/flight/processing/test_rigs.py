@@ -15,7 +15,7 @@ from scipy.stats import chi2
 import insgnss
 from insgnss.base.errors import InputError
 from insgnss.cli import main
-from insgnss.flight.processing.orientation.rig_pairs import RigPairs
+from insgnss.flight.processing.orientation.poses import RigPairs
 from insgnss.flight.processing.recording import read_recording
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import vector_from_rotation

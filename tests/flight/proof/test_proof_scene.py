@@ -17,7 +17,7 @@ from test_proof_formats import CASES
 
 from insgnss.base.errors import InputError, InsgnssError, UsageError
 from insgnss.flight.exporting.export import ExportFrame, export
-from insgnss.flight.proof import pictures, write
+from insgnss.flight.proof import write
 from insgnss.flight.proof.scene import make_scene, terrain
 from insgnss.flight.proof.write import write_proof
 from insgnss.io.formats import EXPORTS
@@ -34,7 +34,7 @@ def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
     def quick(_: object, directory: Path) -> list[Path]:
         files = [directory / f"{8001 + k}.tif" for k in range(4)]
         for file in files:
-            file.write_bytes(pictures.tiff(np.zeros((1, 1), np.uint8)))
+            file.write_bytes(write.tiff(np.zeros((1, 1), np.uint8)))
         return files
 
     monkeypatch.setattr(write, "write_pictures", quick)

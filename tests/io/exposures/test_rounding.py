@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.io.exposures.rounding import stamp_grid, with_stamp_rounding
+from insgnss.io.exposures.instants import stamp_grid, with_stamp_rounding
 from insgnss.io.formats.events.events import read_events
 from insgnss.records import CameraEvents
 

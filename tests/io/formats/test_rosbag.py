@@ -9,7 +9,7 @@ from insgnss.base.errors import InputError, UsageError
 from insgnss.io.formats import describe, read_imu, sniff_imu
 from insgnss.io.formats.logs.rosbag import bag_file
 from insgnss.noise.tuning.options import TuneOptions
-from insgnss.noise.tuning.reading import read_samples
+from insgnss.noise.tuning.recordings import read_samples
 
 rosbags = pytest.importorskip("rosbags")
 START_NS = 1_530_623_100_123_456_789  # 2018-07-03 13:05:00 UTC

@@ -7,7 +7,7 @@ import pytest
 from air_motions import multirotor
 
 import insgnss
-from insgnss.navigation.prepare.fix_covariance.rounding import rounding_step, with_rounding
+from insgnss.navigation.prepare.fix_covariance.decision import rounding_step, with_rounding
 from insgnss.records import GnssFixes
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import ImuOptions, observe

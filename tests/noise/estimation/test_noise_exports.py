@@ -14,8 +14,13 @@ from insgnss.navigation.noise_model.model import (
     NoiseModel,
     load_noise_model,
 )
-from insgnss.noise.processes.consumers import CONSUMER_FORMS, text_for
-from insgnss.noise.processes.random_walk import gauss_markov_allan, random_walk_of, white_and_walk
+from insgnss.noise.processes.consumers import (
+    CONSUMER_FORMS,
+    gauss_markov_allan,
+    random_walk_of,
+    text_for,
+    white_and_walk,
+)
 from insgnss.noise.processes.realisation import simulate_noise
 
 AXIS = AxisNoise(

@@ -9,7 +9,7 @@ from static_files import RATE, samples
 from insgnss.base.errors import UsageError
 from insgnss.cli import main
 from insgnss.noise.tuning.options import TuneOptions
-from insgnss.noise.tuning.reading import read_samples
+from insgnss.noise.tuning.recordings import read_samples
 from insgnss.noise.tuning.some_channels import PER_AXIS, chosen_channels
 
 VALUES = samples(4, 2.0)

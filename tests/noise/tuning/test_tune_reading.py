@@ -14,7 +14,7 @@ from insgnss.base.errors import InputError, UsageError
 from insgnss.base.wording import spoken_as
 from insgnss.io.formats import read_imu
 from insgnss.noise.tuning.options import TuneOptions
-from insgnss.noise.tuning.reading import OPTION_NAMES, read_samples
+from insgnss.noise.tuning.recordings import OPTION_NAMES, read_samples
 
 UNITS = ["--gyro-unit", "rad/s", "--accel-unit", "m/s^2"]
 HEAD = "gx[rad/s],gy[rad/s],gz[rad/s],ax[m/s^2],ay[m/s^2],az[m/s^2]"

@@ -21,7 +21,7 @@ from insgnss.noise.moments.theory import haar_variance
 from insgnss.noise.processes.composition import CORRELATION_TIME, DRIVING, NoiseTerm
 from insgnss.noise.tuning.products.table import interval, plus_minus, printed, unit_text
 from insgnss.noise.tuning.recordings import StaticRecording
-from insgnss.noise.tuning.turn_on import turn_on_sigmas
+from insgnss.noise.tuning.static import turn_on_sigmas
 from insgnss.noise.tuning.usable import departures, envelope, rounded_axis, usable_axis
 from insgnss.records import WaveletVariance
 

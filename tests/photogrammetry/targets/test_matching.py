@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.photogrammetry.target_measurement import windows as windows_module
+from insgnss.photogrammetry.target_measurement.products import _across, target_sizes
 from insgnss.photogrammetry.target_measurement.request import Target
-from insgnss.photogrammetry.target_measurement.sizes import _across, target_sizes
 from insgnss.photogrammetry.target_measurement.trials import _trials
 from insgnss.photogrammetry.targets import measurement
 from insgnss.photogrammetry.targets.matching import (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.photogrammetry.targets.search import correlation_maps
+from insgnss.photogrammetry.targets.measurement import correlation_maps
 from insgnss.photogrammetry.targets.signals import Signal, cross, disc, picture, quadrants
 from insgnss.photogrammetry.targets.template import Template, rotated
 

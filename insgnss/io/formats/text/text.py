@@ -304,29 +304,24 @@ def parse(
     """Parse the numbers of `buf`, which ends in a newline, from the layout's first data line on."""
     from . import _kernels
 
-    n = _kernels.count_newlines(buf)
-    values, lines, bad, status, offset, line = parsed_rows(
-        buf, layout, n, layout.skip_to, layout.first_line
-    )
-    at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
-    at_fault = at_fault[:1] if whole else at_fault
+    rows = parsed_rows(buf, layout, _kernels.count_newlines(buf), layout.skip_to, layout.first_line)
+    at_fault = sorted((int(start), int(k)) for k, start in enumerate(rows.bad[:, 0]) if start >= 0)
     refused = {
-        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, start, int(bad[k, 1]))
-        for start, k in at_fault
+        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, start, int(rows.bad[k, 1]))
+        for start, k in (at_fault[:1] if whole else at_fault)
     }
     if refused and whole:
         raise next(iter(refused.values()))
-    if status != _kernels.OK:
-        raise _refusal(path, buf, complete, layout, status, offset, line)
+    if not rows.is_whole:
+        raise _refusal(path, buf, complete, layout, rows.status, rows.offset, rows.line)
     if not complete:
         tail = decode(bytes(buf[-8192:])).split("\n", int(buf.size > 8192))[-1]
-        _refuse_short_end(path, tail, layout, line - 1)
-    dates = take_calendar(layout.header_fields, values)
-    if refused:
-        dates |= _take_dates(buf, layout, values, refused)
-        refused = {k: refusal for k, refusal in refused.items() if k not in dates}
-    blank = _blank(buf, layout, values, refused)
-    return NumberTable(str(path), layout, values, lines, complete, refused, dates, blank)
+        _refuse_short_end(path, tail, layout, rows.line - 1)
+    dates = take_calendar(layout.header_fields, rows.values)
+    dates |= _take_dates(buf, layout, rows.values, refused) if refused else frozenset()
+    refused = {k: refusal for k, refusal in refused.items() if k not in dates}
+    blank = _blank(buf, layout, rows.values, refused)
+    return NumberTable(str(path), layout, rows.values, rows.lines, complete, refused, dates, blank)
 
 
 def _blank(

@@ -21,7 +21,7 @@ each to what the one before left, in this order, once a recording:
     left out    fixes of a better quality than the usual,    none: they leave the recording
                 with several times the sigma of those
                 around them (`quality`)
-    rounded     positions with fewer digits than their       n q^2 / 12 is added (Q.1) of `rounding`
+    rounded     positions with fewer digits than their       n q^2 / 12 is added (Q.1) of `decision`
                 sigma claims
 
 PPK calibrates while it solves, since its corrections of troposphere and ionosphere come after that

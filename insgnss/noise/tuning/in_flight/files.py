@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....base.errors import UsageError
 from ....base.inputs import sha256
 from ....base.units import rounded
 from ....flight.config.flight_file import Flight
@@ -21,7 +20,8 @@ from ....navigation.noise_model.model import (
 )
 from ....navigation.prepare.gaps import nominal_interval
 from ....records import ImuSamples
-from ..targets import beside, check_target, refuse_others, write_tuning
+from .. import targets
+from ..targets import beside, write_tuning
 
 if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise
@@ -31,24 +31,10 @@ IN_FLIGHT_MODEL = "in_flight_noise.toml"
 
 
 def planned(flight: Flight, out: Path | None, force: bool) -> Path:
-    """Return the path of the noise model.
-
-    Raises
-    ------
-    UsageError
-        Where the path takes no file, would overwrite an input, or files are of other recordings.
-    """
-    target = check_target(flight.path.parent / IN_FLIGHT_MODEL if out is None else Path(out))
-    inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
-    taken = [str(file) for file in (target, *beside(target)) if file.resolve() in inputs]
-    if taken:
-        raise UsageError(
-            f"{taken[0]}: is an input of this flight and is never overwritten; give another --out"
-            " FILE"
-        )
-    if not force:
-        refuse_others(target, measurements(flight))
-    return target
+    """Return the path of the noise model; UsageError as `targets.planned` raises it."""
+    target = flight.path.parent / IN_FLIGHT_MODEL if out is None else Path(out)
+    inputs = (flight.path, *input_files(flight))
+    return targets.planned(target, force, measurements(flight), inputs)
 
 
 def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning":

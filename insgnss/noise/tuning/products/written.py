@@ -14,22 +14,12 @@ from ....navigation.noise_model.model import (
 )
 from ..recordings import SENSOR_AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
-from ..targets import beside, check_target, refuse_others, write_tuning
+from ..targets import beside, write_tuning
 from ..usable import envelope, rounded_axis
 from .words import FITS_P, goodness_p, misfit, verdict
 
 TUNED_MODEL = Path("imu_noise.toml")
 WORST_OF_SIX = FITS_P / 6.0  # p-value below which a misfit goes into the file: one by chance
-
-
-def planned(out: Path | None, force: bool, measured: Sequence[Path]) -> Path:
-    """Where the noise model goes. Raises UsageError where it cannot, or where one of the files is
-    there that is not of a tuning of the same recordings.
-    """
-    target = check_target(out or TUNED_MODEL)
-    if not force:
-        refuse_others(target, measured)
-    return target
 
 
 def noise_model(
