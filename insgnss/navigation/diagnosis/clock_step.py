@@ -200,7 +200,8 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         return None
     first, last = float(fixes[EDGE_FIXES]), float(fixes[-EDGE_FIXES])
     opened = _fixes_alone(problem)
-    velocity = solve(opened, start, "off", separations=0).nav[:, VEL]
+    solution = solve(opened, start, "off", separations=0)
+    velocity = solution.nav[:, VEL]
     gaps = _gaps(problem)
     at_gap = np.array([float(time[gap.epochs[-1]]) for gap in gaps])
     low, high, of_imu = first, last, np.repeat([False, True], INSTANTS)
@@ -211,7 +212,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         jump = np.zeros((instants.size, N_NAV))
         epochs = np.minimum(np.searchsorted(time, instants[kind]), time.size - 1)
         jump[kind, POS] = -velocity[epochs]
-        solution, size, _, evidence = _scanned(opened, start, instants, jump)
+        _, size, _, evidence = _passed(opened, start, instants, jump)
         evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
         k = int(np.argmax(evidence))
         if evidence[k] < SHOWN_GAIN:
@@ -252,7 +253,7 @@ def _with_samples(
         jump = np.zeros((1, N_NAV))
         jump[0, POS] = -velocity[np.searchsorted(time, since)]
         bridged = _fixes_alone(_bridged(problem, since, -step_s))
-        unexplained, size, sigma = _passed(bridged, start, np.array([since]), jump)
+        unexplained, size, sigma, _ = _passed(bridged, start, np.array([since]), jump)
         # of the misfit, with the step that this one shows
         gain = float(size[0] / sigma[0]) ** 2
         step_s = min(step_s + float(size[0]), -problem.inc.nominal_s)
@@ -376,19 +377,18 @@ def _scanned(
 
 def _passed(
     problem: EstimationProblem, start: InitialState, since: Array, jump: Array
-) -> tuple[float, Array, Array]:
-    """Return the misfit, and of a step at each instant its size and its sigma.
+) -> tuple[float, Array, Array, Array]:
+    """Return the misfit, and of a step at each instant its size, its sigma and (Z.1).
 
     Nothing is smoothed, unless measurements are linearised about what is.
     """
     if problem.measurements:
-        solution, size, sigma, _ = _scanned(problem, start, since, jump)
-        return misfit(solution), size, sigma
+        solution, size, sigma, evidence = _scanned(problem, start, since, jump)
+        return misfit(solution), size, sigma, evidence
     steps = _steps(problem, since, jump)
     passes = BlockwisePasses(problem, start, np.zeros(0, dtype=np.int64), 0)
     passes.filter(follower=steps.through)
-    size, sigma, _ = _shown_steps(steps)
-    return misfit_of_pass(passes.history, problem.gate), size, sigma
+    return misfit_of_pass(passes.history, problem.gate), *_shown_steps(steps)
 
 
 def _steps(problem: EstimationProblem, since: Array, jump: Array) -> Sensitivity:
