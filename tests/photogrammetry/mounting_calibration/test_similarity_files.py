@@ -136,6 +136,18 @@ def test_opposite_strips_and_ground_points_determine_every_component(tmp_path, c
     assert abs(along["lever_arm_m"] + ARM[1]) < 4.0 * along["sigma_m"] + 1e-3
 
 
+@pytest.mark.parametrize("name", ["D:\\photos\\I{}.jpg", "I{}", "i{}.TIF"])
+def test_images_with_a_folder_or_another_ending_are_those_of_the_points(name, tmp_path) -> None:
+    """Oracle: the simulated lever arm; points.csv has I0.jpg."""
+    Flown().write(tmp_path)
+    head, *rows = (tmp_path / "cameras.csv").read_text().splitlines()
+    rows = [f"{name.format(k)},{row.partition(',')[2]}" for k, row in enumerate(rows)]
+    (tmp_path / "cameras.csv").write_text("\n".join([head, *rows]) + "\n")
+    assert run(tmp_path, *GROUND) == 0
+    got, _ = read_mounting_file(tmp_path / "mounting.toml")
+    assert (np.abs(got.antenna_m - ARM) < 4.0 * got.sigma("antenna_m")).all()
+
+
 def test_stated_sigmas_that_are_too_large_are_said_with_their_size(tmp_path, capsys) -> None:
     """Oracle: antenna noise of 10, 10, 20 mm under stated 80 and 160 mm."""
     Flown().write(tmp_path)
