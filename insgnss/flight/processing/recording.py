@@ -231,7 +231,7 @@ def read_recording(flight: Flight) -> Recording:
         barometer = replace(
             barometer, time=barometer.time + unstated_offset(barometer.time, offsets, span_s)
         )
-        refuse_apart(barometer, imu)
+        refuse_apart(barometer, imu, gnss)
     noise = models[0]
     if prepared_imu.weight is not None:
         noise = weighted_model(models, [tuple(w) for w in prepared_imu.weight])
