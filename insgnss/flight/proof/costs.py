@@ -46,8 +46,8 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
 
     turned = {
         (
-            "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image"
-            " is shown turned"
+            "the heading of the aircraft is used as yaw of the image (90 deg off), or the image "
+            "is shown rotated"
         ): C @ QUARTER_TURN,
         "omega and phi (pitch and roll) are exchanged": of(rotation_from_opk(opk[:, [1, 0, 2]])),
         "phi is turned before omega": of(rotation_from_pok(opk[:, [1, 0, 2]])),
@@ -66,7 +66,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
     yield from ((mistake, residual(scene, W, centre)) for mistake, W in turned.items())
     yield "the lever arm is applied twice", residual(scene, C, centre - C @ LEVER_CM_C)
     yield (
-        f"heights of the geoid are taken for heights of the ellipsoid ({TYPICAL_GEOID_M:.0f} m)",
+        f"heights above the geoid are taken as ellipsoidal heights ({TYPICAL_GEOID_M:.0f} m)",
         residual(scene, C, centre - [0.0, 0.0, TYPICAL_GEOID_M]),
     )
     middle = centre.mean(axis=0)
@@ -75,7 +75,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
         residual(scene, C, middle + (centre - middle)[:, [1, 0, 2]]),
     )
     yield (
-        "pixels count from the middle of the first one, not from its corner",
+        "pixel coordinates count from the centre of the first pixel, not from its corner",
         float(np.hypot(0.5, 0.5)),
     )
 
