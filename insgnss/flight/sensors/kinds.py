@@ -216,7 +216,7 @@ def _rows_of_table(
         rows = np.flatnonzero(~absent)
         time, values, lines = time[rows], values[rows], Picked(table, rows)
         sigma = None if sigma is None else sigma[rows]
-        finding = f"{absent.sum()} rows with -2e10 left out, which receivers write for no value"
+        finding = f"left out {absent.sum()} rows with -2e10, which receivers write for no value"
         notes = (*notes, note("measurement rows", finding, "a value each"))
     return columns, (own_week or week, time, factor * values, lines, sigma, notes)
 
@@ -255,6 +255,6 @@ def _stated_sigma(
 ) -> Array:
     """Return the standard deviation of the table for all values, in SI."""
     if options.sigma is None:
-        problem = f"{reason}; give the standard deviation of the values, measurement.sigma"
+        problem = f"{reason}; give measurement.sigma, the standard deviation of the values"
         raise InputError.at_line(str(options.file), None, problem)
     return np.full(shape, options.sigma * (DEG if kind.unit == "angle" else 1.0))

@@ -20,9 +20,7 @@ def test_what_is_not_there_is_refused_in_one_line() -> None:
         refuse_beyond_memory(DAY, int(need / 1.4))
     line = str(refused.value)
     assert "\n" not in line
-    assert line.startswith(
-        f"the flight needs some {need / 1e9:.1f} GB of memory, {need / 1.4e9:.1f} GB avai"
-    )
+    assert line.startswith(f"some {need / 1e9:.1f} GB of memory needed, {need / 1.4e9:.1f} GB avai")
     assert "14400000 samples 0.8" in line
     assert line.endswith("; process parts of the flight with start_tow and end_tow")
     dense = forecast(14_400_000, 290_000, 34, 1, 4000, 14_400_000)

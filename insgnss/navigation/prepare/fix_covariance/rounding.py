@@ -62,8 +62,8 @@ def with_rounding(gnss: GnssFixes) -> GnssFixes:
     shown = " / ".join(f"{100.0 * step:.2g}" for step in steps)
     expected = f"steps below {COUNTS * np.sqrt(12.0):.1g} standard deviations"
     note = Question("GNSS quality", expected).note(
-        f"positions are rounded to steps of {shown} cm (north, east, height), which their standard"
-        " deviations do not cover; the rounding was added to them",
+        f"positions are rounded to {shown} cm (north, east, height), which their standard "
+        "deviations do not cover; these were enlarged by the rounding",
         "write the positions with more digits (9 decimals of a degree, millimetres of height)",
     )
     cov = gnss.cov_ned + more[:, :, None] * np.eye(3)
