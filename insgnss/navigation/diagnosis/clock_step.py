@@ -330,9 +330,8 @@ def step_check(step: ClockStep) -> Finding:
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
     whose = ""
     mended = (
-        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's clock"
-        f" stepped, {to_imu} if the IMU's did, and correct the events of the clock that stepped"
-        " alike"
+        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's clock "
+        f"stepped, {to_imu} if the IMU's did, and correct the events on that clock as well"
     )
     if step.of_imu:
         whose = "; the IMU's stamps have an equally long gap there, so the IMU's clock stepped"
@@ -342,18 +341,18 @@ def step_check(step: ClockStep) -> Finding:
         f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
     )
     sentence = (
-        f"from {step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +- {step.sigma:.4f} s"
-        f" more than before, {moves}{whose}"
+        f"from {step.after:.2f} s on the time stamps of the fixes are early by {step.size:+.4f} "
+        f"+- {step.sigma:.4f} s more than before, {moves}{whose}"
     )
     if step.missing:
         parts = ""
         about = "about " if step.sigma > 0.5 * step.solution.problem.inc.nominal_s else ""
         sentence = (
-            f"{about}{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost"
-            f" shortly before {step.after:.2f} s and the stamps count on without them: from there"
-            f" on they are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
+            f"{about}{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost "
+            f"shortly before {step.after:.2f} s, and the time stamps go on without this gap: from "
+            f"there on the IMU's stamps are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
         )
-    ask = Question(CLOCK_STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m")
+    ask = Question(CLOCK_STEP, f"no clock step, or one of less than {NEGLIGIBLE_M:g} m")
     advice = Step(f"{mended}: solved with this step, the flight follows its fixes{parts}")
     return ask.contradiction(sentence, advice)
 

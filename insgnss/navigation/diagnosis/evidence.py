@@ -412,8 +412,8 @@ def check_turn_on(noise: NoiseModel) -> Finding:
     """
     missing = " and ".join(without_turn_on(noise))
     finding = (
-        f"noise model {noise.name} without turn_on_bias of {missing}: constant biases are taken "
-        "for zero"
+        f"noise model {noise.name} has no turn_on_bias of {missing}, so constant biases are taken "
+        "as zero"
     )
     return Question("turn-on bias", "turn_on_bias of gyro and accel").note(finding, TURN_ON_ADVICE)
 

@@ -81,7 +81,7 @@ def common_span(
         distance = float(gnss.time[0] + gnss.time[-1] - imu.time[0] - imu.time[-1]) / 2.0
         slack = float(gnss.time[-1] - gnss.time[0] + imu.time[-1] - imu.time[0]) / 2.0
         if slack < LEAST_WEEKS_APART_S and (weeks := weeks_apart(distance, slack)):
-            raise InputError(f"{spans}: they are {weeks} apart; give all times as of one week")
+            raise InputError(f"{spans}: they are {weeks} apart; give all times in one week")
         raise InputError(
             f"{spans}: they do not overlap{unit_of_stamps(imu.time, gnss.time, 'samples', 'fixes')}"
             "; check gps_week, the day, start_tow and end_tow, time_offset_s, or let `insgnss"
