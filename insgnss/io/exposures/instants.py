@@ -51,6 +51,9 @@ LIKELY = 0.6  # mean cosine of the intervals' phases at GRID_JITTER is 0.67
 OVERSAMPLED = 8.0  # frequencies tried in one over the longest interval
 SCANNED = 300  # intervals in the periodogram; all enter the judgement
 LEAST_CHANCE = 1e-4  # (S.2) of stamps that are called stamps on a grid
+# multiples of a decimal step in which loops count, and the chance of intervals that change by those
+# alone: where it errs, stamps that are rounded anyway get up to five times their sigma (chosen)
+MULTIPLES, COARSER_CHANCE = (5.0, 4.0, 2.0), 0.02
 
 
 def with_stamp_rounding(events: CameraEvents) -> CameraEvents:
@@ -125,7 +128,19 @@ def stamp_grid(time: Array) -> tuple[float, bool]:
         trials = LARGEST_S / decimal if decimal else max(float(ordered[-1]), 1.0) / SMALLEST_S
         if trials * _chance_of_step(step, jitter, changes, digit) < LEAST_CHANCE:
             return step, True
-    return decimal, bool(decimal) and _changes(ordered, decimal) >= CHANGES
+    if not decimal or _changes(ordered, decimal) < CHANGES:
+        return decimal, False
+    return _coarser(ordered, decimal), True
+
+
+def _coarser(time: Array, decimal: float) -> float:
+    """Return the multiple of a decimal step on whose grid all stamps lie, or the step itself, s."""
+    for factor in MULTIPLES:
+        step = factor * decimal
+        on_grid = np.abs(time - step * np.rint(time / step)).max() < EXACT_S
+        if step <= LARGEST_S and on_grid and factor ** -_changes(time, step) < COARSER_CHANCE:
+            return step
+    return decimal
 
 
 def _chance_of_step(step: float, jitter: float, changes: int, digit: float) -> float:

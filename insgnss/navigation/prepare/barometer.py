@@ -50,10 +50,10 @@ def refuse_apart(barometer: BarometerHeights, imu: ImuSamples, fixes: GnssFixes)
     """Raise InputError where a barometer and the IMU share no time: of the IMU, if it is alone."""
     if barometer.time[-1] < imu.time[0] or barometer.time[0] > imu.time[-1]:
         common_span(imu, fixes, None, None)
-        apart = unit_of_stamps(barometer.time, imu.time, "heights", "samples")
+        unit = unit_of_stamps(barometer.time, imu.time, "heights", "samples")
         raise InputError(
             f"{barometer.source}: heights from {barometer.time[0]:.1f} to {barometer.time[-1]:.1f}"
             f" s, {imu.source}: samples from {imu.time[0]:.1f} to {imu.time[-1]:.1f} s of week"
-            f" {imu.gps_week}: they do not overlap{apart}; check barometer.time_offset_s and"
+            f" {imu.gps_week}: they do not overlap{unit}; check barometer.time_offset_s and"
             " gps_week"
         )

@@ -97,14 +97,14 @@ def common_span(
     return float(inside[0]), float(hi)
 
 
-def unit_of_stamps(time: Array, other: Array, name: str, others: str) -> str:
+def unit_of_stamps(time: Array, reference: Array, noun: str, reference_noun: str) -> str:
     """Say which unit of the stamps of two recordings would make them last alike.
 
     Parameters
     ----------
-    time, other : ndarray, shape (n,) and (k,), s
+    time, reference : ndarray, shape (n,) and (k,), s
         Stamps of both.
-    name, others : str
+    noun, reference_noun : str
         What each recording holds, such as "samples" and "fixes".
 
     Returns
@@ -112,15 +112,15 @@ def unit_of_stamps(time: Array, other: Array, name: str, others: str) -> str:
     str
         A clause of a message; empty where they last alike within `UNITS_APART`.
     """
-    lengths_s = [float(stamps[-1] - stamps[0]) for stamps in (time, other)]
+    lengths_s = [float(stamps[-1] - stamps[0]) for stamps in (time, reference)]
     if min(lengths_s) <= 0.0 or max(lengths_s) < UNITS_APART * min(lengths_s):
         return ""
     ratio = lengths_s[0] / lengths_s[1]
     longer = f"{ratio:.4g} times as long as" if ratio > 1.0 else f"1/{1.0 / ratio:.4g} as long as"
     return (
-        f", and the {name} last {longer} the {others}: if both are whole recordings of one flight,"
-        f" units.time of the {name} is to be {1.0 / ratio:.4g} times what it is, or that of the"
-        f" {others} {ratio:.4g} times (25.6: counts of 39.0625 us taken for 1 ms)"
+        f", and the {noun} last {longer} the {reference_noun}: if both are whole recordings of one"
+        f" flight, units.time of the {noun} is to be {1.0 / ratio:.4g} times what it is, or that of"
+        f" the {reference_noun} {ratio:.4g} times (25.6: counts of 39.0625 us taken for 1 ms)"
     )
 
 

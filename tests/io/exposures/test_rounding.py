@@ -133,3 +133,23 @@ def test_a_table_states_how_well_its_stamps_are_known(tmp_path):
     path.write_text("image,tow,sigma_s\na.jpg,1.0,0.01\nb.jpg,2.0,0.0\n")
     with pytest.raises(InputError, match=r":3: sigma_s 0 s"):
         read_events(path)
+
+
+@pytest.mark.parametrize(("step", "interval"), [(0.05, 2.617), (0.02, 2.6131), (0.2, 2.69)])
+def test_few_changes_show_the_coarser_of_decimal_grids(step, interval):
+    """Oracle: an intervalometer's exact stamps, of which a loop kept every step."""
+    true = 205344.8123 + interval * np.arange(19)
+    rounded = with_stamp_rounding(events(step * np.floor(true / step)))
+    assert rounded.sigma_s is not None
+    assert rounded.sigma_s[0] == pytest.approx(step / 3.0**0.5)
+    assert np.sqrt(np.mean(((rounded.time - true) / rounded.sigma_s) ** 2)) < 1.2
+
+
+def test_hundredths_are_seldom_taken_for_a_coarser_grid():
+    """Oracle: chance; of 500 lists of 12 stamps a fiftieth at most is more than was lost."""
+    draw = np.random.default_rng(11)
+    steps = [
+        stamp_grid(np.round(np.cumsum(2.6 + 0.02 * draw.standard_normal(12)), 2))[0]
+        for _ in range(500)
+    ]
+    assert np.mean(np.array(steps) > 0.011) <= 0.02

@@ -348,8 +348,8 @@ def chunk_of(root: Element, source: ProjectFile, wanted: str | None) -> Chunk:
         raise source.error(
             f"{len(chosen)} chunks have images, of {labels}; name one by chunk"
             if chosen
-            else f"no chunk has images ({labels}); align images with the markers and save the"
-            " project"
+            else f"no chunk has images ({labels}), so no poses and no image observations; align"
+            " the images and export the cameras (Agisoft XML), or save the project"
         )
     _, _, element, where = chosen[0]
     frames = element.findall("./frames/frame")
