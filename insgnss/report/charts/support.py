@@ -33,8 +33,7 @@ _NIS = (
 )
 _RESIDUALS = (
     "Used fixes minus the smoothed solution, mean of each minute; shaded: the largest mean to "
-    "expect if all sigmas are right. In a minute beyond the shade the solution departs from its "
-    "fixes."
+    "expect if all sigmas are right. Beyond the shade the solution departs from its fixes."
 )
 _BIASES = (
     "Estimated biases within three standard deviations, after smoothing; a wide band says that the"

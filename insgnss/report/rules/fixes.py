@@ -96,8 +96,7 @@ def rejected(figures: Figures) -> Iterator[Finding]:
             " do not describe their errors"
         )
         help_ = (
-            "check the crosses in the figures; use the receiver's sigma of each fix if the file "
-            "has one"
+            "check the crosses in the figures; use the receiver's sigma of each fix if there is one"
         )
         yield ranked("rejected", largest_share / REJECTED_MATTERS, text, help_)
 
