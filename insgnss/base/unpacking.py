@@ -105,8 +105,7 @@ def check_unpacked(
             f" {_in_gigabytes(limit)}{packed_note})"
         )
         advice = (
-            f"if you trust the source of the file, set {UNPACKED_GB}={sufficient_gb} in the "
-            "environment"
+            f"if you trust the file's source, set {UNPACKED_GB}={sufficient_gb} in the environment"
         )
         raise InputError.in_file(path, f"{problem}; {advice}")
     free_bytes = available()

@@ -78,8 +78,8 @@ def _refuse_times(who: str, values: Any) -> None:
     if kind == "M" or isinstance(first, date | np.datetime64):
         raise InputError.of_value(
             who,
-            f"dates ({values.dtype}), which do not say their time scale; convert them: week,"
-            ' tow = insgnss.gps_from_dates(dates, "utc" or "gpst")',
+            f"dates ({values.dtype}), whose time scale is unknown; convert the dates: week, tow = "
+            'insgnss.gps_from_dates(dates, "utc" or "gpst")',
         )
     if kind == "m" or isinstance(first, timedelta | np.timedelta64):
         raise InputError.of_value(

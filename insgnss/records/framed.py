@@ -19,8 +19,8 @@ FRAME_KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
 
 
 _UNKNOWN = (
-    "export: covariances between neighbouring images are not known, since the choice of images left"
-    " some out; choose images in a row, such as eo[10:30], or all of them"
+    "export: covariances between neighbouring images are lost, since some images between were "
+    "left out; choose successive images, such as eo[10:30], or all"
 )
 
 

@@ -111,7 +111,7 @@ def gnss_fixes(
     """
     if isinstance(table, GnssFixes):
         if sigma_m is not None or sigma_velocity_mps is not None:
-            raise InputError("gnss: the fixes have covariances of their own; leave the sigmas out")
+            raise InputError("gnss: the fixes already have covariances; leave the sigmas out")
         if (beyond := np.abs(table.lat) > 0.5 * np.pi).any():
             row = int(np.argmax(beyond))
             raise InputError(

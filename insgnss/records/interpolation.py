@@ -131,9 +131,9 @@ def _refuse_gaps(time: Array, h: Array, u: Array) -> None:
     if gap.any():
         k = int(np.argmax(gap))
         raise DataError(
-            f"Trajectory: {time[k]:.6f} s lies between epochs {h[k]:.3f} s apart (limit"
-            f" {LONGEST_BRIDGE_S:g} s); choose instants beside the gap, or ask for a trajectory of"
-            " a higher rate"
+            f"Trajectory: {time[k]:.6f} s lies between epochs {h[k]:.3f} s apart (limit "
+            f"{LONGEST_BRIDGE_S:g} s); choose instants outside of the gap, or a trajectory of a "
+            "higher rate"
         )
 
 

@@ -58,7 +58,7 @@ def limits(summary: Summary) -> Section:
 def hidden(summary: Summary) -> Section:
     """Return what no data of the flight can reveal."""
     caption = (
-        "no data of a flight reveal these errors; the sigmas allow for none but where a row says so"
+        "no flight data reveal these errors; the sigmas include an error only where its row says so"
     )
     rows = [(x["name"], x["effect"], x["help"]) for x in summary["hidden_errors"]]
     header = ("Error", "what it does", "how to exclude it")
@@ -232,9 +232,9 @@ def fixes_by_line(summary: Summary) -> Section:
         if any(cell(line) not in ("–", "– / –") for line in lines)
     }
     caption = (
-        "the fixes of each line, by what their source says of them. A mean innovation beyond a"
-        " fraction of the sigma of one fix is systematic: lever arm, time offset, or the fixes"
-        " themselves"
+        "the fixes of each line, by the quality that their source states. A mean innovation "
+        "beyond a fraction of the sigma of one fix is systematic: lever arm, time offset, or the "
+        "fixes themselves"
     )
     table = Table.of(lines, reported, numbers=True, name="lines")
     return _captioned("GNSS line by line", caption, table)
@@ -353,9 +353,9 @@ def residuals(summary: Summary) -> Section:
         **{name: partial(mean, axis=axis) for axis, name in enumerate(NED_NAMES)},
     }
     caption = (
-        "mean of the used fixes minus the smoothed solution, ± one sigma of what the solution and"
-        " its fixes claim; no error model changes it. An honest flight stays within"
-        f" {r['limit']:.1f} sigma"
+        "mean of the used fixes minus the smoothed solution, ± one sigma as stated by both; no "
+        "error model changes this mean. If the sigmas are right, it stays within "
+        f"{r['limit']:.1f} sigma"
     )
     name = f"pieces, {r['beyond']} beyond the limit"
     table = Table.of(r["pieces"], columns, numbers=True, name=name)

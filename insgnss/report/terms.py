@@ -9,7 +9,7 @@ from collections.abc import Mapping
 TERMS: Mapping[str, tuple[str, str]] = {
     "sigma": (
         "sigmas?|standard deviations?",
-        "standard deviation: two errors of three are smaller, and 19 of 20 are below twice it",
+        "standard deviation: two of three errors are smaller, 19 of 20 below twice this value",
     ),
     "tilt": ("tilt", "rotation of an image about the horizontal axes; the larger sigma of the two"),
     "TOW": ("TOW", "time of week: seconds of GPS time since the midnight that begins Sunday"),
@@ -34,8 +34,8 @@ TERMS: Mapping[str, tuple[str, str]] = {
     ),
     "PDOP": (
         "PDOP",
-        "position dilution of precision: what the geometry of the satellites makes of the error of"
-        " one range; below 2 is good, beyond 4 poor",
+        "position dilution of precision: factor by which satellite geometry enlarges a range "
+        "error; below 2 is good, beyond 4 poor",
     ),
     "fixed": (
         "fixed / float",
@@ -48,7 +48,7 @@ TERMS: Mapping[str, tuple[str, str]] = {
     ),
     "time offset": (
         "time offset",
-        "what is added to the stamps of the GNSS positions to have them on the clock of the IMU",
+        "value added to the time stamps of the GNSS positions to bring them to the IMU's clock",
     ),
     "time-correlated": (
         "time-correlated",

@@ -180,7 +180,7 @@ def test_a_program_is_taken_from_the_command_line_alone(pipeline, flight, capsys
         (flight.parent / name).write_text("x\n")
     argv = ["process", str(flight), "--engine", "/opt/rnx2rtkp", "--json"]
     assert main(argv) == 2
-    assert "--engine /opt/rnx2rtkp solves gnss.rover, and " in capsys.readouterr().err
+    assert "--engine /opt/rnx2rtkp is for raw observations, and " in capsys.readouterr().err
     raw = 'rover = "rover"\nbase = "base"\nnavigation = ["nav"]\nengine = "auto"'
     flight.write_text(flight.read_text().replace('file = "gnss.txt"', raw))
     taken = []

@@ -250,7 +250,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     ),
     "is empty": (_write("flight.toml", b""), INPUT, ("flight.toml", "imu.file", "missing")),
     "is no TOML": (_toml("[imu]", "[imu"), INPUT, ("flight.toml:4: not TOML",)),
-    "is binary": (_write("flight.toml", b"\xff\xfe\x00\x01"), INPUT, ("flight.toml: not UTF-8",)),
+    "is binary": (_write("flight.toml", b"\xff\xfe\x00\x01"), INPUT, ("is not UTF-8",)),
     "unknown key": (
         _toml("quantity =", "quantitty ="),
         INPUT,

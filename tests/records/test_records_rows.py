@@ -135,7 +135,7 @@ def test_formats_that_need_the_cross_covariance_refuse_a_choice_without_it(tmp_p
             if known:
                 write()
             else:
-                with pytest.raises(insgnss.InputError, match="choose images in a row"):
+                with pytest.raises(insgnss.InputError, match="choose successive images"):
                     write()
 
 

@@ -83,8 +83,8 @@ def test_poor_heading_of_the_first_image_is_said_with_its_reason(diagnostics, eo
     turned = summary(diagnostics(), eo(0.31))["verdict"]
     assert turned == [
         "heading is known to 0.31 deg at the first image, to 0.02 deg in the median: the turns"
-        " before (90 deg of heading) are too slow or too long ago; make a turn or a figure of eight"
-        " before the first line"
+        " before it (90 deg of heading) were too slow or too early; make a turn or a figure of"
+        " eight before the first line"
     ]
     straight = summary(diagnostics(rpy=np.zeros((1200, 3))), eo(0.31))["verdict"]
     assert straight == [

@@ -323,7 +323,7 @@ def test_code_positions_are_said_to_be_absolute_and_relative(diagnostics) -> Non
     )
     text = said(s, "absolute position")["text"]
     change = np.sqrt(2 * (1 - np.exp(-0.1)))
-    assert "known to 3.39 m horizontally and 4.50 m in height only" in text
+    assert "known only to 3.39 m horizontally and 4.50 m in height" in text
     assert (
         f"from one minute to the next positions agree to {2.5 * np.sqrt(2) * change:.2f} m and"
         f" {5 * change:.2f} m" in text
@@ -441,7 +441,7 @@ def test_weak_attitude_heights_and_gyros_are_said(diagnostics) -> None:
     assert "a level accelerometer's bias of 3.5 mg" in said(s, "tilt")["text"]
     assert "9.0 mm, 3.0 times as uncertain as east and north (3.0 mm)" in said(s, "heights")["text"]
     assert (
-        "90 deg/h only at the end: where GNSS is missing, the images turn by 1.5"
+        "90 deg/h at the end: where GNSS is missing, the images turn by 1.5"
         in said(s, "gyro bias")["text"]
     )
 
@@ -466,9 +466,9 @@ def test_a_solution_that_leaves_its_fixes_stands_first(diagnostics, eo) -> None:
     """
     s = run(diagnostics(residuals=away(8.0)), eo())
     begins = (
-        "the trajectory is 160 mm down off its own GNSS positions in the mean of 09:03:42 to"
-        " 09:04:41 UTC (TOW 205440.0 to 205499.0 s), and so are the images; 8.0 times what the"
-        " sigmas allow (limit 4.7; beyond it 1 of 15 pieces)"
+        "the trajectory, and with it the images, is 160 mm down off the GNSS positions in the mean"
+        " of 09:03:42 to 09:04:41 UTC (TOW 205440.0 to 205499.0 s); this is 8.0 times what the"
+        " sigmas allow (limit 4.7, exceeded by 1 of 15 pieces)"
     )
     assert s["verdict"][0].startswith(begins)
     r = s["residuals"]
@@ -484,7 +484,9 @@ def test_residuals_within_their_bound_say_nothing(diagnostics, eo) -> None:
     s = run(diagnostics(residuals=away(4.5)), eo())
     assert s["verdict"] == [NOTHING_STANDS_OUT]
     alone = run(diagnostics(residuals=away(4.5)[4:5]), eo())
-    assert alone["verdict"][0].startswith("the trajectory is 90.0 mm down off its own")
+    assert alone["verdict"][0].startswith(
+        "the trajectory, and with it the images, is 90.0 mm down off"
+    )
 
 
 def test_sigmas_that_are_too_wide_are_said(diagnostics, eo) -> None:
@@ -535,7 +537,7 @@ def test_a_large_boresight_is_said_and_an_ordinary_one_is_hidden(diagnostics, eo
         B = boresight_from_angles("rpy", [0.0, 0.0, yaw])
         s = run(diagnostics(), dataclasses.replace(eo(), boresight=B))
         assert (
-            f"{arc}; the one stated turns the heading by {yaw:+.2f} deg"
+            f"{arc}; the stated bore-sight turns the heading by {yaw:+.2f} deg"
             in (hidden(s)["bore-sight"])
         )
         assert (s["verdict"] == [NOTHING_STANDS_OUT]) == (sigmas is None)

@@ -76,8 +76,8 @@ class SelfTest:
         )
         advice = (
             "do not trust any result of this installation; set NUMBA_CACHE_DIR to an empty "
-            "directory and try again; if the difference stays, install other versions of numba "
-            "and numpy"
+            "directory and try again; if the error stays, install other versions of numba and "
+            "numpy"
         )
         strapdown = Question("strapdown", topic="self-test")
         return strapdown.contradiction(numbers, advice, when=not self.passed)

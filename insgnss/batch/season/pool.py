@@ -152,8 +152,7 @@ class _Worker:
                 "the process of this flight died again when it ran alone, "
                 f"{_exit_reason(self.process)}, and the system reports no lack of memory "
                 f"({forecast}, {self._most / GB:.1f} GB when last seen). It was ended from "
-                f"outside, or compiled code crashed; run insgnss process {self.task.file} to see "
-                "which"
+                f"outside, or compiled code crashed; insgnss process {self.task.file} shows which"
             )
         return failed(self.task, reason, DataError.exit_code, time.monotonic() - self._since)
 

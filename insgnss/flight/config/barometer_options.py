@@ -42,8 +42,7 @@ class BarometerInput(Checked, table="barometer"):
     columns: "Columns" = columns_of_file("as gnss.columns", of_file=True)
     units: Mapping[str, str] | None = option(
         None,
-        "units of pressure (Pa, hPa, mbar, kPa), length (heights: m, cm, mm) and time (as in "
-        "imu.units)",
+        "units of pressure (Pa, hPa, mbar, kPa), length (m, cm, mm) and time (as in imu.units)",
         kind="gnss_units",
         members=_unit_keys,
         usual="by header, else Pa, m and s",
@@ -55,16 +54,14 @@ class BarometerInput(Checked, table="barometer"):
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
     sigma_m: float = option(
         0.5,
-        "standard deviation of the white noise of barometric heights at 1 Hz (gusts, propeller "
-        "wash)",
+        "standard deviation of white noise of barometric heights at 1 Hz (gusts, propellers)",
         unit="m",
         low=0.01,
         high=100.0,
     )
     bias_sigma_m: float = option(
         10.0,
-        "a-priori standard deviation of the bias of barometric heights, after their level was set "
-        "by the fixes",
+        "a-priori standard deviation of the bias of barometric heights, once levelled by the fixes",
         unit="m",
         low=0.1,
         high=1000.0,

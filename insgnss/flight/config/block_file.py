@@ -110,8 +110,7 @@ class GroundTableInput(Checked, table="ground"):
 
     file: Path | None = option(
         None,
-        "file of ground control and check points: a table (ground_points.md), or of another "
-        "program",
+        "ground control and check points: a table (ground_points.md), or a program's file",
         usual="those of the project",
         cli="--ground",
     )
@@ -139,8 +138,7 @@ class GroundTableInput(Checked, table="ground"):
     skip: tuple[str, ...] = option((), "names of points that are left out")
     distances: Path | None = option(
         None,
-        "table of distances between measured points (scale bars), m, with columns from to "
-        "distance sigma",
+        "table of distances between points (scale bars), m: columns from to distance sigma",
         cli="--distances",
     )
 
@@ -182,8 +180,8 @@ class AdjustmentTable(Checked, table="adjustment"):
     )
     write_anyway: bool = option(
         False,
-        "write the orientation into contradicted/ even if the observations contradict it; the "
-        "exit code stays 4",
+        "write the orientation into contradicted/ if the observations contradict it; exit code 4 "
+        "stays",
         cli="--write-anyway",
     )
     accept: tuple[str, ...] = option(

@@ -81,8 +81,7 @@ class FilterOptions(Checked, table="filter"):
     )
     time_offset: bool = option(
         False,
-        "estimate the time offset of the fixes and the rate of their clock relative to the IMU's "
-        "clock",
+        "estimate time offset and clock rate of the fixes relative to the IMU's clock",
     )
     time_offset_sigma_s: float = option(
         0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0

@@ -195,8 +195,7 @@ class Output(Checked, table="output"):
     )
     strip_covariance: bool = option(
         True,
-        "write eo_covariance.npz, the full covariance of the poses of each flight line, for a "
-        "block adjustment",
+        "write eo_covariance.npz, the full pose covariance of each flight line, for adjustments",
     )
 
     def __post_init__(self) -> None:

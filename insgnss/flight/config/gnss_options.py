@@ -46,8 +46,7 @@ class GnssInput(Checked, table="gnss"):
 
     file: "Path | GnssFixes | None" = option(
         ...,
-        "file of antenna positions; replaced by gnss.stationary, or by gnss.rover, base and "
-        "navigation",
+        "file of antenna positions; or gnss.stationary, or gnss.rover, base and navigation",
         kind="file",
     )
     stationary: Triple | None = option(
@@ -91,8 +90,7 @@ class GnssInput(Checked, table="gnss"):
     deflection_sigma_arcsec: float = option(
         5.0,
         "standard deviation of each component of the deflection of the vertical, included in all "
-        "attitude covariances: 1 to 2 for a geoid model, 20 for mountains without a model; 0: "
-        "exact",
+        "attitude covariances: 1 to 2 for a geoid model, 20 for mountains without; 0: exact",
         unit="arcsec",
         low=0.0,
         high=120.0,
@@ -111,8 +109,7 @@ class GnssInput(Checked, table="gnss"):
     time_sigma_s: float = option(
         1e-3,
         "standard deviation of the time offset between fixes and IMU, a state that all "
-        "covariances include (default: synchronisation unknown; IMU on the receiver's PPS: 2e-4); "
-        "0: exact",
+        "covariances include (default: unknown; IMU on the receiver's PPS: 2e-4); 0: exact",
         unit="s",
         low=0.0,
         high=1.0,

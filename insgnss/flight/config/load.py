@@ -291,9 +291,9 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
     )
     if (difference := float(np.abs(assumed - stated).max())) > ROTATION_TOLERANCE:
         problem = (
-            "the bore-sight was calibrated with this rotation, but mounting.camera_from_body of "
-            f"the flight file differs by {difference:.2g} (limit {ROTATION_TOLERANCE:g}); give "
-            "the same matrix"
+            "the bore-sight was calibrated with this rotation, but the flight file's "
+            f"mounting.camera_from_body differs by {difference:.2g} (limit "
+            f"{ROTATION_TOLERANCE:g}); give the same"
         )
         raise root.table("calibration").error("camera_from_body", problem)
     camera = flight.camera

@@ -222,8 +222,7 @@ def _units(
     sign = recognition.finding("force sign")
     if recognition.accel_sign < 0 and not recognition.exchanges:
         mirrored = (
-            "exchanged latitude and longitude, or a wrong sign of one, would look the same; check "
-            "both"
+            "exchanged latitude and longitude, or a wrong sign of one, looks the same; check both"
         )
         draft.add("imu", "accel_sign", -1, f"{in_words(sign)}; {mirrored}", sign.confidence > SURE)
 
@@ -337,8 +336,8 @@ def _filter(draft: Draft, gnss: GnssFixes | None, recognition: Recognition | Non
             "filter",
             "scale_factor",
             True,
-            "the sensor is not calibrated, so scale errors of 1 % are estimated (3.6 deg in a "
-            "turn of 360 deg)",
+            "the sensor is not calibrated, so scale errors of 1 % (3.6 deg in 360 deg) are "
+            "estimated",
         )
         draft.add(
             "filter",

@@ -162,8 +162,7 @@ def likely_axes(source: InputSource, imu: ImuSamples, recognition: Recognition |
     forward = "xyz"[directions.split().index("forward")]
     why = (
         f"gravity shows that the IMU's {axis} axis is vertical; the motion does not show the "
-        f"forward axis, so {forward} is taken as forward, to which mounting.camera_from_body "
-        "refers"
+        f"forward axis, so {forward} is taken as forward (in mounting.camera_from_body, too)"
     )
     return AxesFound(directions, why, steady)
 

@@ -112,8 +112,7 @@ LOOK = {
         "errors of cameras (m, deg) and markers (m, px)."
     ),
     "pix4d": (
-        "Pix4D: the quality report shows the errors of control points and the changes of the "
-        "orientations."
+        "Pix4D: the quality report shows errors of control points and changes of orientations."
     ),
     "opf": "Pix4D: open project.opf; the points of points.csv fall on the pixels of pixels.csv.",
     "odm": (
@@ -133,8 +132,8 @@ LOOK = {
     ),
     "bentley": "ContextCapture, iTwin Capture: the survey report shows residuals in pixels.",
     "inpho": (
-        "Inpho: the stereo view of a point, or Match-AT with fixed orientations, shows residuals "
-        "in pixels."
+        "Inpho: the stereo view of a point, or Match-AT with fixed poses, shows residuals in "
+        "pixels."
     ),
     "colmap": (
         "COLMAP: import the model, or triangulate with fixed poses (point_triangulator), subtract "

@@ -91,8 +91,7 @@ class MeasurementInput:
     )
     scale_sigma: float = option(
         0.02,
-        "a-priori standard deviation of the estimated scale factor of body_velocity or airspeed; "
-        "0: 1e-4",
+        "a-priori standard deviation of the scale factor of body_velocity or airspeed; 0: 1e-4",
         low=0.0,
         high=0.5,
     )
@@ -149,8 +148,7 @@ class MeasurementInput:
     )
     clock_sigma_s: float = option(
         0.0,
-        "a-priori standard deviation of the estimated time offset (stamps early), for position; "
-        "0: none",
+        "a-priori standard deviation of the time offset (stamps early), for position; 0: none",
         unit="s",
         low=0.0,
         high=10.0,

@@ -167,8 +167,8 @@ def _compare_axes(
         return ask.note(
             statement,
             Step(
-                "nothing to do if {imu.axes} was read off the sensor, as its motion does not show "
-                "the forward axis"
+                "nothing to do if {imu.axes} was read off the sensor: motion does not show the "
+                "forward axis"
             ),
         )
     sure = finding.confidence > SURE_OF_EXCHANGE

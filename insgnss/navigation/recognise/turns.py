@@ -33,8 +33,7 @@ REPORTED_LAG_S, LAG_CORRELATION = 0.5, 0.9
 LAG_GAIN = 0.5
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
 STRANGERS = (
-    "IMU and GNSS show no common turn; check that both are of one flight and day, and clocks "
-    "within 30 s"
+    "IMU and GNSS show no common turn; check that both are of one flight, with clocks within 30 s"
 )
 NOSE = "the nose of the drone does not follow its course, so the turns do not show a time offset"
 # confidence of the forces in all answers, by which they overrule the turns (chosen)

@@ -287,8 +287,8 @@ def _as_rotation(name: str, value: ArrayLike) -> Array:
     if determinant < 0:
         raise InputError.of_value(
             name,
-            f"no rotation, its determinant is {determinant:.3f}; a row or column has the"
-            " wrong sign",
+            f"no rotation, its determinant is {determinant:.3f}; a row or column has the wrong "
+            "sign",
         )
     C = nearest_rotation(M)
     deviation = float(np.abs(M - C).max())

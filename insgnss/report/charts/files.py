@@ -153,8 +153,8 @@ def charts_of(source: Path) -> tuple[Path, tuple[Chart, ...]]:
     if is_json and digest != sha256(source):
         raise InputError.in_file(
             page,
-            f"was not written with {source.name}: one of the two is of another run, or was changed;"
-            " run the verb again, or give the page itself",
+            f"was not written with {source.name}: one file is of another run or was changed; run "
+            "the verb again, or give the page itself",
         )
     for chart in charts:
         if problem := _problem(chart):

@@ -52,25 +52,25 @@ MOST_SATELLITES = 8  # satellites whose names stand beside their slips
 BAND_INKS: tuple[Ink, ...] = ("first", "second", "third", "fourth", "fifth")
 
 _STATEMENTS = {  # of what the series hold
-    "kind": "Colours: the class of each epoch; the share of confirmed fixes is that of 30 s.",
+    "kind": "Colours show the class of each epoch; the share of confirmed fixes is over 30 s.",
     "ratio": (
-        "The ratio compares the second best integer ambiguities with the best: above the dashed"
-        " line a fix is accepted, which says little where few satellites are left."
+        "The ratio compares the second best integer ambiguities with the best. Above the dashed "
+        "line a fix is accepted; with few satellites this proves little."
     ),
     "age_s": "Age is that of the base's observations.",
     "pdop": "PDOP says how well the geometry of the satellites determines a position.",
     "hdop": "HDOP is that of the horizontal position.",
-    "distance_m": "Along distance and height from the base the atmosphere differs.",
+    "distance_m": "Atmospheric errors grow with distance and height difference from the base.",
 }
 _SEPARATION_OF_PPK = (
-    "The run backward minus the run forward, within three standard deviations of their difference:"
-    " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
-    " is an incorrect ambiguity fix in one of them."
+    "The backward run minus the forward run, within three standard deviations of their "
+    "difference. Runs with the same ambiguities agree far better; a step of decimetres is an "
+    "incorrect ambiguity fix in one run."
 )
 _SIGNALS = (
-    "Median C/N0 of all satellites by band: a drop on one band is interference or a"
-    " cable, one on all bands an obstruction. Dots are cycle slips by satellite; many at one"
-    " instant are the receiver's own loss of lock. Shaded, times without observations."
+    "Median C/N0 of all satellites by band: a drop on one band is interference or a cable, one on "
+    "all bands an obstruction. Dots are cycle slips by satellite; many at one instant mean that "
+    "the receiver lost lock. Shaded times have no observations."
 )
 
 

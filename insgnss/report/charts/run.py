@@ -23,29 +23,27 @@ from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
 LONGEST_LABEL = 30  # characters of a label (-): more than this overlaps its neighbours
 _MAP = (
-    "The flight seen from above, straight lines with their numbers; a cross marks a rejected fix,"
-    " red where no fix was used for a while, a ring a stationary period. Two fingers, or the"
-    " wheel with Ctrl, zoom; dragging moves, a double click shows everything."
+    "The flight seen from above, straight lines with their numbers; a cross marks a rejected fix, "
+    "red where no fix was used for a while, a ring a stationary period. Zoom with two fingers or "
+    "Ctrl and wheel, move by dragging, show all by double-click."
 )
 _MAP_IMAGES = (
-    " Dots are images, coloured by their horizontal standard deviation: those that stand out are"
-    " those to weigh down, or to look at, in the adjustment. Point at one, and all charts show its"
-    " instant; click it, and it is marked in the table too."
+    " Dots are images, coloured by their horizontal standard deviation; give images that stand "
+    "out less weight in the adjustment. Point at an image to see its time in all charts; click it "
+    "to mark it in the table."
 )
 _MOTION = (
-    "Height, horizontal speed and attitude. Heading that changes is what makes heading and biases"
-    " observable; straight flight does not. Shades, in all charts over time: numbered lines,"
-    " stationary periods, times without a used fix. Drag across a chart to zoom, double-click to"
-    " return; all charts over time follow."
+    "Height, horizontal speed and attitude. Changes of heading make heading and biases "
+    "observable; straight flight does not. Shaded in all charts over time: numbered lines, "
+    "stationary periods, times without a used fix. Drag across a chart to zoom, double-click to "
+    "return; all charts over time follow."
 )
 _SIGMAS = (
-    "Standard deviations on a logarithmic scale: pale, the forward filter; full, after smoothing,"
-    " which must lie below. A rise at either end or in the middle tells of missing fixes or missing"
-    " turns; the numbers are those of the table of lines."
+    "Standard deviations on a logarithmic scale: the forward filter pale, the smoothed solution, "
+    "which must lie below, dark. A rise shows missing fixes or missing turns; numbers are those "
+    "of the table of lines."
 )
-_BY_IMAGE = (
-    "The same of each image, in their order: a step from one image to the next is worth a look."
-)
+_BY_IMAGE = "Standard deviations of each image, in order; check images where the values step."
 
 
 def charts(

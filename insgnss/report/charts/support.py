@@ -18,24 +18,22 @@ from .chart import AXES_INKS, Array, Chart, Layer, Panel
 from .pieces import band, dots, length_unit, line, median_limits, over_time, rules
 
 _INNOVATIONS = (
-    "Each fix minus what was predicted for it; nearly all must lie within the shaded three standard"
-    " deviations, without drift (what lies beyond the axis stands at its edge). Below, the same in"
-    " one number (NIS): one in twenty may exceed the dashed line, those above the full line were"
-    " rejected."
+    "Each fix minus its prediction; nearly all must lie within the shaded three standard "
+    "deviations, without drift (values beyond the axis are drawn at its edge). Below, the NIS of "
+    "each fix: one in twenty may exceed the dashed line; fixes above the full line were rejected."
 )
 _DISTRIBUTION = (
-    "Used innovations over their standard deviations against the normal distribution that honest"
-    " sigmas promise: a wider histogram says that the sigmas are too small, a narrower one that"
-    " they are too large, one beside the middle that something is systematic."
+    "Used innovations over their standard deviations against the normal distribution that honest "
+    "sigmas promise: a wider histogram says that the sigmas are too small, a narrower one that "
+    "they are too large, a shifted one that an error is systematic."
 )
 _NIS = (
-    "The same in one number, the squared innovation over its covariance (NIS), against chi-square"
-    " with three degrees of freedom."
+    "Squared innovations over their covariance (NIS) against chi-square with three degrees of "
+    "freedom."
 )
 _RESIDUALS = (
-    "Used fixes minus the smoothed solution, the mean of each minute, within the largest that an"
-    " honest flight of this length shows (shaded). A minute beyond it is one in which the solution"
-    " leaves its own fixes."
+    "Used fixes minus the smoothed solution, mean of each minute; shaded: the largest mean to "
+    "expect if all sigmas are right. Beyond the shade the solution departs from its fixes."
 )
 _BIASES = (
     "Estimated biases within three standard deviations, after smoothing; a wide band says that the"

@@ -250,10 +250,10 @@ def _residual_field(field: Field) -> Chart:
         Layer("line", corner[0] + ring[0], corner[1] + ring[1], "by chance", "warn"),
     ]
     reading = (
-        f"Mean residuals of the image observations of {field.camera} in cells of the format, seen"
-        f" as the image is, {factor:.0f} times enlarged; the circle at the upper left is what"
-        f" chance gives ({noise:.3f} px). Arrows that are longer and agree with their neighbours"
-        " show what the interior orientation does not describe."
+        f"Mean residuals of the image observations of {field.camera} in cells of the format, seen "
+        f"as the image is, {factor:.0f} times enlarged; the circle at the upper left is the size "
+        f"to expect by chance ({noise:.3f} px). Longer arrows that agree with their neighbours "
+        "show distortion that the interior orientation does not describe."
     )
     return Chart(
         f"format-{''.join(c if c.isalnum() else '-' for c in field.camera)}",

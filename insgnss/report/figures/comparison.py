@@ -23,11 +23,11 @@ _DIFFERENCES = (
     " heading or drift point to a different convention, lever arm or clock."
 )
 _SHADED = ", within three standard deviations where shaded"
-_REMAINING = "The same after all recognised errors are removed: what is left is unexplained."
+_REMAINING = "Differences after all recognised errors are removed; the remainder is unexplained."
 _NORMALISED = (
-    "Differences over their standard deviations: honest ones follow the dark curve, the normal"
-    " density. A wider distribution says that the standard deviations are too small, one beside it"
-    " that something is systematic. What is farther out stands in the outermost classes."
+    "Differences over their standard deviations: honest ones follow the dark curve, the normal "
+    "density. A wider distribution says that the standard deviations are too small, a shifted one "
+    "that an error is systematic. The outermost classes hold all larger values."
 )
 _DISTRIBUTION_CAPTION = "How often each difference occurs; a second hump is a second population."
 

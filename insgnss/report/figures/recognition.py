@@ -19,8 +19,9 @@ BEST, WORDS_AT = 10, 1.55  # orientations shown, and where on the axis their wor
 SHOWN_LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
 _MOTION_OF_RECORDING = (
-    "Turn rate and specific force of the IMU, lines, and what the receiver saw of them, dots, over"
-    " the liveliest stretch. They lie on each other only if units, axes, signs and clock are right."
+    "Turn rate and specific force of the IMU, lines, and what the receiver saw of them, dots, "
+    "over the segment with the strongest motion. Both agree only if units, axes, signs and clock "
+    "are right."
 )
 _ORIENTATIONS = (
     "How well each of the 24 orientations of the IMU explains what GNSS saw: 1 perfectly, -1 the"
@@ -106,7 +107,7 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
     time = curves["time"][window]
     x = time - time[0]
     gyro, gnss = (np.degrees(curves[name][window]) for name in ("turn_gyro", "turn_gnss"))
-    slow = "" if np.isfinite(gnss).any() else " It moved too slowly for GNSS to have a course."
+    slow = "" if np.isfinite(gnss).any() else " The vehicle moved too slowly for a GNSS course."
 
     def panel(label: str, felt: Array, of_gnss: Array, k: int) -> Panel:
         layers = [

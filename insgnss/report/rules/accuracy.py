@@ -49,7 +49,7 @@ def standing(figures: Figures) -> Iterator[Finding]:
         f" {degrees(attitude[2])}, a level rate known to {rate:.2g} of the Earth's {level:.1f}"
         f" deg/h, gyro biases to {bias:.2g} deg/h; tilt sigma {degrees(tilt(attitude))}"
     )
-    remedy = "repeat it turned by 180 deg about the vertical, which separates gyro bias and heading"
+    remedy = "repeat with the IMU turned by 180 deg about the vertical to separate bias and heading"
     yield ranked(
         "standing",
         20.0,
@@ -65,14 +65,14 @@ def code(figures: Figures) -> Iterator[Finding]:
     if horizontal < CODE_MM:
         return
     text = (
-        f"absolute position is known to {millimetres(horizontal)} horizontally and"
-        f" {millimetres(down)} in height only"
+        f"absolute position is known only to {millimetres(horizontal)} horizontally and "
+        f"{millimetres(down)} in height"
     )
     if figures["time_correlated_errors"]:
         slowest = max(error["time_s"] for error in figures["time_correlated_errors"])
         text += (
-            f": the receiver's slow errors stay for {slowest / MINUTE_S:.0f} minutes and no"
-            " averaging removes them"
+            f": slow GNSS errors last for {slowest / MINUTE_S:.0f} minutes, and averaging does "
+            "not remove them"
         )
         minute = [_relative_mm(figures, axis) for axis in range(3)]
         if math.hypot(*minute[:2]) < horizontal and minute[2] < down:
@@ -116,7 +116,7 @@ def heights(figures: Figures) -> Iterator[Finding]:
     if of_fixes:
         why, help_ = (
             "the GNSS heights are that much weaker, all satellites being above",
-            "let a control point or two carry the heights",
+            "use one or two height control points",
         )
     yield ranked("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
 
@@ -151,7 +151,7 @@ def overall_attitude(figures: Figures) -> Iterator[Finding]:
             " heading in [[measurement]]"
         )
         if tried_deg := figures.get("heading_with_antennas_deg"):
-            help_ += f" (tried: 1 m apart, {degrees(tried_deg)} would be left of this flight)"
+            help_ += f" (antennas 1 m apart would give {degrees(tried_deg)} in this flight)"
         if sigmas_deg := figures.get("heading_with_sensors_deg"):
             by_gain = sorted(sigmas_deg, key=lambda name: sigmas_deg[name])
             sigmas = ", ".join(f"{name} {degrees(sigmas_deg[name])}" for name in by_gain)
@@ -194,8 +194,8 @@ def boresight(figures: Figures) -> Iterator[Finding]:
         BORESIGHT,
         abs(heading_deg) / LARGE_TURN_DEG,
         text,
-        "check the signs of mounting.boresight, or calibrate it on control points;"
-        f' accept = ["{BORESIGHT}"] in the flight file says that they are right',
+        "check the signs of mounting.boresight, or calibrate it on control points; accept = "
+        f'["{BORESIGHT}"] in the flight file confirms the signs',
     )
 
 
@@ -207,8 +207,8 @@ def gyro_bias(figures: Figures) -> Iterator[Finding]:
         return
     of_minute = degrees(sigma[worst] * MINUTE_S / 3600.0)
     text = (
-        f"the gyro bias {figures['biases']['axes'][worst]} is known to {sigma[worst]:.0f} deg/h"
-        f" only at the end: where GNSS is missing, the images turn by {of_minute} a minute"
+        f"the gyro bias {figures['biases']['axes'][worst]} is known only to {sigma[worst]:.0f} "
+        f"deg/h at the end: where GNSS is missing, the images turn by {of_minute} a minute"
     )
     yield ranked(
         "gyro bias",

@@ -53,10 +53,10 @@ def residuals(figures: Figures) -> Iterator[Finding]:
         return
     worst, beyond, pieces = r["worst"], r["beyond"], len(r["pieces"])
     text = (
-        f"the trajectory is {millimetres(worst['mean_mm'])} {worst['axis']} off its own GNSS"
-        f" positions in the mean of {span(figures, worst['begin_s'], worst['end_s'])}, and so are"
-        f" the images; {worst['sigmas']:.1f} times what the sigmas allow (limit {r['limit']:.1f};"
-        f" beyond it {beyond} of {pieces} pieces)"
+        f"the trajectory, and with it the images, is {millimetres(worst['mean_mm'])} "
+        f"{worst['axis']} off the GNSS positions in the mean of "
+        f"{span(figures, worst['begin_s'], worst['end_s'])}; this is {worst['sigmas']:.1f} times "
+        f"what the sigmas allow (limit {r['limit']:.1f}, exceeded by {beyond} of {pieces} pieces)"
     )
     help_ = "do not use positions or sigmas of this time before the cause is found"
     yield ranked("residuals", RANK_UNSUPPORTED + worst["sigmas"], text, help_)
@@ -99,8 +99,7 @@ def rejected(figures: Figures) -> Iterator[Finding]:
             " do not describe their errors"
         )
         help_ = (
-            "look at the crosses in the figures; take the receiver's own sigma of each fix where it"
-            " gives one"
+            "check the crosses in the figures; use the receiver's sigma of each fix if there is one"
         )
         yield ranked("rejected", largest_share / REJECTED_MATTERS, text, help_)
 
@@ -176,8 +175,8 @@ def _why_conservative(figures: Figures, quantity: str, text: str) -> tuple[str, 
     ):
         return f"{text}; time-correlated errors do not show in them", ""
     if quantity == "velocity":  # else they are narrowed (`navigation.diagnosis.variances`)
-        return f"{text}; errors that last for seconds do not show in them", ""
-    help_ = "set a smaller gnss.sigma_m, to make use of what the positions are worth"
+        return f"{text}; innovations do not show errors that last for seconds", ""
+    help_ = "set a smaller gnss.sigma_m, to use the full accuracy of the positions"
     return f"{text}; the images are better than their sigmas", help_
 
 
@@ -270,10 +269,10 @@ def separation_once(figures: Figures) -> Iterator[Finding]:
     if largest is None or largest["sigmas"] <= SEPARATION_ONCE or any(apart(figures)):
         return
     text = (
-        f"forward and backward disagree by {largest['sigmas']:.1f} sigmas in {largest['state']}"
-        f" {largest['axis']} at {at_time(figures, largest['time_s'])}, and agree on the whole: the"
-        " fixes or the IMU drifted about then, for seconds or minutes, and the images by more than"
-        " their sigmas hold"
+        f"forward and backward disagree by {largest['sigmas']:.1f} sigmas in {largest['state']} "
+        f"{largest['axis']} at {at_time(figures, largest['time_s'])}, and agree on the whole: the "
+        "fixes or the IMU drifted at this time, for seconds or minutes, and the images by more "
+        "than their sigmas"
     )
     help_ = "look at the quality of the fixes there, and at the IMU's temperature"
     yield ranked("separation", TRUST * largest["sigmas"] / SEPARATION_ONCE, text, help_)

@@ -70,18 +70,18 @@ def _position_notes(figures: Figures) -> Iterator[Finding]:
         f"errors that change over minutes shift {moved} by as much: PPK over short baselines has 5"
         f" to 10 mm of them. In {SWING_S:g} s the IMU of this flight does not notice a swing of"
         f" about {millimetres(1e3 * swing_m)}",
-        "compare with a second base or a few ground points; gnss.gm_sigma and"
-        " gnss.correlation_time_s state such an error",
+        "compare with a second base or a few ground points; state such an error by gnss.gm_sigma "
+        "and gnss.correlation_time_s",
     )
     deflection_deg = DEFLECTION_ARCSEC / 3600.0
     allowed = (figures["flight"].get("gnss") or {}).get("deflection_sigma_arcsec", 0.0)
     yield _note(
         "deflection of the vertical",
-        f"a plumb line that is not normal to the ellipsoid tilts {moved} by as much:"
-        f" {DEFLECTION_ARCSEC:.0f} arcsec, usual in hills, are {_image_shift_text(deflection_deg)};"
-        f" the sigmas allow for {allowed:g} arcsec",
-        "do nothing where this is below the accuracy that is needed; else state"
-        " gnss.deflection_arcsec from a geoid model and its sigma, or adjust with ground control",
+        f"a deflection of the vertical tilts {moved} by as much: {DEFLECTION_ARCSEC:.0f} arcsec, "
+        f"usual in hills, are {_image_shift_text(deflection_deg)}; the sigmas allow for "
+        f"{allowed:g} arcsec",
+        "nothing to do if this is below the required accuracy; else state gnss.deflection_arcsec "
+        "from a geoid model and its sigma, or adjust with ground control",
     )
 
 
@@ -92,14 +92,17 @@ def _image_notes(figures: Figures) -> Iterator[Finding]:
     if not known_boresight(figures["flight"]):
         heading_deg = figures["boresight_heading_deg"]
         remark = (
-            f"; the one stated turns the heading by {heading_deg:+.2f} deg" if heading_deg else ""
+            f"; the stated bore-sight turns the heading by {heading_deg:+.2f} deg"
+            if heading_deg
+            else ""
         )
         if (figures["flight"].get("filter") or {}).get("misalignment"):
-            remark += "; so do gyros that are turned in their case, filter.misalignment or not"
+            remark += "; gyros rotated in their case do the same, even with filter.misalignment"
         yield _note(
             BORESIGHT,
-            f"an error turns every image by as much: {_image_shift_text(BORESIGHT_DEG)}{remark}",
-            f'calibrate it on control points; accept = ["{BORESIGHT}"] says that it is right',
+            "a bore-sight error turns every image by as much: "
+            f"{_image_shift_text(BORESIGHT_DEG)}{remark}",
+            f'calibrate it on control points; accept = ["{BORESIGHT}"] confirms it',
         )
     spacing = [
         line["length_m"] / (line["images"] - 1) for line in figures["lines"] if line["images"] > 1

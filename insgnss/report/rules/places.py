@@ -86,7 +86,7 @@ def why(figures: Figures, line: Figures) -> tuple[str, str]:
 
 def slow_turns(turned_deg: float) -> str:
     """Say that turns before a line or image did not help."""
-    return f"the turns before ({turned_deg:.0f} deg of heading) are too slow or too long ago"
+    return f"the turns before it ({turned_deg:.0f} deg of heading) were too slow or too early"
 
 
 def _outage_on(figures: Figures, line: Figures) -> Figures | None:
@@ -206,8 +206,8 @@ def gaps(figures: Figures) -> Iterator[Finding]:
             else f"{len(bridged)} gaps of the IMU were bridged, the longest"
         )
         text = (
-            f"{counted} of {longest['length_s']:.3f} s at {at_time(figures, longest['time_s'])};"
-            " the sigmas of the images hold it"
+            f"{counted} of {longest['length_s']:.3f} s at {at_time(figures, longest['time_s'])}; "
+            "the sigmas of the images include this"
         )
-        help_ = "check the logger: each gap weakens the images after it"
+        help_ = "check the logger, as each gap makes the images after it less accurate"
         yield ranked("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, help_)

@@ -257,7 +257,7 @@ def _reasons_of_wide_sigmas(figures: Figures) -> Iterator[Inflation]:
         yield Inflation(
             f"the filter lost the GNSS positions before {at_time(figures, time)} and began anew"
             " there",
-            "look at the GNSS positions before this time: if they jump, leave them out there",
+            "check the GNSS positions before this time; if they jump, leave these out",
             "covariance resets",
             moves_m=UNREACHABLE,
             span=(time - RESET_S, time + RESET_S),

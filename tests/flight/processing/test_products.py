@@ -118,7 +118,7 @@ def test_no_file_is_hashed_that_is_not_the_one_that_was_read(flight, monkeypatch
 
     monkeypatch.setattr(pipeline, "read_recording", read_recording)
     monkeypatch.setattr("insgnss.base.beside.processors", lambda: 1)  # hashed at the end
-    with pytest.raises(InputError, match=rf"{path.name}: changed after it was read; wait"):
+    with pytest.raises(InputError, match=rf"{path.name}: the file changed after it was read; wait"):
         process(flight)
     assert not (flight.path.parent / "02_Processed").exists()
 

@@ -135,7 +135,10 @@ def test_headings_of_a_receivers_log(tmp_path):
     np.testing.assert_allclose(read.time, [199891.4, 199891.8])
     np.testing.assert_allclose(np.degrees(read.values[:, 0]), [253.21, 253.5])
     np.testing.assert_allclose(np.degrees(np.sqrt(read.cov[:, 0, 0])), 0.3)
-    for more, said in (({}, "give measurement.sigma"), ({"columns": ("tow",)}, "columns: is of ")):
+    for more, said in (
+        ({}, "give measurement.sigma"),
+        ({"columns": ("tow",)}, "columns: belongs to "),
+    ):
         with pytest.raises((InputError, UsageError), match=said):
             read_measurement(options(tmp_path, text, **more), 2008)
     with pytest.raises(InputError, match="no HDT or THS sentence"):

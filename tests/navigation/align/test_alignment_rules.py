@@ -55,7 +55,10 @@ def test_which_window_the_flight_starts_from(monkeypatch, windows, first) -> Non
 @pytest.mark.parametrize(
     ("windows", "message"),
     [
-        ([window(10.5)], r"heading not observable: .* gives it to 1[01] deg only \(limit 10\)"),
+        (
+            [window(10.5)],
+            r"heading not observable: .* gives the heading to 1[01] deg only \(limit 10\)",
+        ),
         ([window(0.1, 26.0), window(11.0)], r"median NIS of the fixes 26 at best, limit 25"),
         ([window(0.1, 40.0), window(0.1, 30.0)], "median NIS of the fixes 30 at best"),
         ([None], "no initial attitude: GNSS and inertial motion agree in no part"),

@@ -246,7 +246,7 @@ def test_an_offset_that_the_exposures_share_costs_them_nothing():
     own = unseen(flight, evidence)
     assert own is not None
     assert "not reveal errors of GNSS time offset below 20 ms: " in own.found
-    assert own.found.endswith("moves them by up to 200 mm along track")
+    assert own.found.endswith("moves the images by up to 200 mm along track")
     assert own.verdict == "note"
     shared = unseen(flight, evidence, events_with_fixes=True)
     assert shared is not None

@@ -460,7 +460,7 @@ def test_a_time_offset_that_has_moved_gets_a_rate_beside_it(
     assert (adopted is not None) == (rate > 0.0)
     if adopted is not None:
         assert adopted.solution == rate
-        assert f"lack {1e3 * offset_s:+.1f} +-" in adopted.history[0]
+        assert f"early by {1e3 * offset_s:+.1f} +-" in adopted.history[0]
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def test_biases_that_the_model_lacks_are_refused_by_name(tmp_path):
     with pytest.raises(
         InputError,
         match=(
-            r"turn-on bias: noise model bare without turn_on_bias of gyro and accel.*100 deg/h and"
+            r"turn-on bias: noise model bare has no turn_on_bias of gyro and accel.*100 deg/h and"
             r" 2 mg"
         ),
     ) as refusal:

@@ -137,7 +137,7 @@ def test_written_and_read_again(tmp_path):
         ("[accel]\nmatrix = [[1,0,0],[0,1,0]]", r":2: accel.matrix: .*expected 3 rows of 3"),
         (
             '[accel]\nmatrix = [[1,0,0],[0,1,0],[0,0,1]]\nscale_factor = ["1 ppm","1 ppm","1 ppm"]',
-            r":2: accel.matrix: is given beside scale_factor; it replaces",
+            r":2: accel.matrix: is given with scale_factor, which it replaces",
         ),
         (
             '[accel]\nscale_factor = ["12 %", "0 %", "0 %"]',

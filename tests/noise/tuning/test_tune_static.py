@@ -277,7 +277,7 @@ def test_recordings_that_do_not_support_an_answer_are_refused(tmp_path, capsys):
         assert said in line
     for more, said in (
         (["--model", "DR"], "a drift without noise"),
-        (["--skip", "3"], "nothing from 180 s on"),
+        (["--skip", "3"], "no samples from 180 s on"),
     ):
         code, line = refusal(
             capsys, save(tmp_path / "rest.npy", rest), *UNITS, *more, "--out", tmp_path / "x.toml"

@@ -100,23 +100,20 @@ class AerialControlTable(Checked, table="aerial_control"):
     )
     gyro_vertical: float = option(
         1.5,
-        "ratio of the gyroscopes' drift about the vertical to that about the other axes, k of "
-        "paper 003",
+        "ratio of the gyroscopes' drift about the vertical to that of other axes, k of paper 003",
         low=0.01,
         high=100.0,
     )
     datum_sigma_m: float = option(
         5.0,
-        "standard deviation of the absolute position of one image, in flight lines with relative "
-        "positions",
+        "standard deviation of the absolute position of one image, with relative positions",
         unit="m",
         low=1e-3,
         high=1e6,
     )
     datum_sigma_deg: float = option(
         2.0,
-        "standard deviation of the absolute attitude of one image, in flight lines with relative "
-        "attitudes",
+        "standard deviation of the absolute attitude of one image, with relative attitudes",
         unit="deg",
         low=1e-3,
         high=180.0,

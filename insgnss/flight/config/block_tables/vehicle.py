@@ -48,15 +48,13 @@ class VehicleTable(Checked, table="vehicle"):
     )
     time_offset_sigma_s: float = option(
         0.0,
-        "a-priori standard deviation of the estimated delay of the vehicle's clock; 0: no delay "
-        "is estimated",
+        "a-priori standard deviation of the estimated delay of the vehicle's clock; 0: none",
         unit="s",
         low=0.0,
         high=10.0,
     )
     shift_sigma_m: Triple | None = sigmas(
-        "a-priori standard deviations of the estimated shift of all positions of the vehicle, "
-        "east, north, up",
+        "a-priori standard deviations of the estimated shift of the vehicle, east, north, up",
         usual="none",
         needs=("file",),
     )
@@ -90,8 +88,7 @@ class VehicleTable(Checked, table="vehicle"):
     )
     size_sigma_m: float = option(
         0.0,
-        "a-priori standard deviation of the estimated error of the target size size_m; 0: size_m "
-        "is exact",
+        "a-priori standard deviation of the estimated error of the size size_m; 0: exact",
         unit="m",
         low=0.0,
         high=10.0,
