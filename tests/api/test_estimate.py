@@ -329,7 +329,7 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
         (
             {"mounting": insgnss.Mounting(antenna_m=[0.0, 300.0, 0.0])},
             insgnss.InputError,
-            r"lever arms are in m: are these in mm or cm\?; accept = \[\"mounting\"\] overrules",
+            r"lever arms are in m; check .* mm or cm; accept = \[\"mounting\"\] overrules",
         ),
         ({"filter_options": (True,)}, insgnss.UsageError, "^filter_options: is of type tuple"),
         ({"initial_attitude": (0.0, 0.0, 90.0)}, insgnss.UsageError, "^initial_attitude: is of"),

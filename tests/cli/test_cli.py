@@ -388,7 +388,7 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
             ["metashape", "--crs", "EPSG:2056", "--geoid", "nowhere.gtx"],
             "geoid nowhere.gtx: does not exist",
         ),
-        (["metashape", "--ground", "500"], "only heights in a projected CRS are scaled"),
+        (["metashape", "--ground", "500"], "heights are scaled only in a projected CRS"),
         (
             ["metashape", "--crs", "EPSG:2056", "--ground", "5000"],
             "is not below the cameras, the lowest of which is at 630.0 m",

@@ -625,12 +625,12 @@ def test_sigmas_that_were_enlarged_without_need_stand_out(diagnostics, eo) -> No
     """Oracle: definition; this note alone is more than a remark."""
     check = Check(
         "sigmas of the fixes",
-        "taken as white noise, the sigmas of the file already explain",
+        "the sigmas of the file explain the innovations as white",
         "no larger",
         "note",
         "off",
     )
     s = run(diagnostics(checks=(check,)), eo())
     assert s["verdict"][0].startswith(
-        "sigmas of the fixes: taken as white noise, the sigmas of the file already explain"
+        "sigmas of the fixes: the sigmas of the file explain the innovations as white"
     )

@@ -128,7 +128,7 @@ def _of_fixes(units: Mapping[str, str], _: str) -> str:
         return f"multiply them by {VELOCITY_UNITS[units['velocity']]:.6g}, to m/s"
     if units["angle"] == "deg":
         return "name their columns lat_deg and lon_deg"
-    return "give np.degrees of them, or columns lat_rad and lon_rad"
+    return "give latitude and longitude by np.degrees, or name the columns lat_rad and lon_rad"
 
 
 _INSTEAD: Settings = {
@@ -268,10 +268,9 @@ def check_mountings(flight: Flight) -> list[Finding]:
         if camera.mounting is None and check.verdict == "ok":
             check = replace(
                 check,
-                found="none given: its images get place and attitude of the first camera",
+                found="no mounting given: images get position and attitude of the first camera",
                 verdict="note",
-                remedy="measure where it stands and how it is turned, and give them in"
-                " camera.further mounting",
+                remedy="measure its position and rotation; give both in camera.further mounting",
             )
         checks.append(of_camera(check, name))
     return checks
@@ -305,14 +304,15 @@ def _check_mounting(flight: Flight, m: Mounting) -> Finding:
     angle = float(np.degrees(np.arccos(cosine)))
     if flight.camera is not None and lever == 0.0 and angle == 0.0:
         return Question("mounting", "[mounting] of the camera").note(
-            "no lever arm and no bore-sight given: the images get the place and the attitude of "
+            "no lever arm and no bore-sight are given, so the images get position and attitude of "
             "the IMU",
             "measure the lever arms from the camera to antenna and IMU, calibrate the bore-sight, "
             "and give them in [mounting]",
         )
     if lever > OTHER_UNIT_M:
         return Question("mounting", f"lever arms below {OTHER_UNIT_M:g} m").contradiction(
-            f"longest lever arm {lever:.3f} m", "lever arms are in m: are these in mm or cm?"
+            f"longest lever arm {lever:.3f} m",
+            "lever arms are in m; check whether these are in mm or cm",
         )
     unusual = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
     return Question(
@@ -320,7 +320,7 @@ def _check_mounting(flight: Flight, m: Mounting) -> Finding:
         f"lever arms below {LONG_LEVER_M:g} m, bore-sight below {LARGE_BORESIGHT_DEG:g} deg",
     ).note(
         f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg",
-        "the data cannot tell: check units, signs and mounting by hand",
+        "the data cannot show whether these are right; check units, signs and mounting by hand",
         when=unusual,
     )
 
@@ -353,8 +353,8 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> F
         if abs(days) > source.max_age_days:
             when = "before" if days < 0 else "after"
             notes.append(
-                f"flown {abs(days)} days {when} its calibration data of {file.date} (limit"
-                f" {source.max_age_days:g}, mounting.max_age_days)"
+                f"the flight is {abs(days)} days {when} the calibration data of {file.date} "
+                f"(limit {source.max_age_days:g}, mounting.max_age_days)"
             )
     notes += _other_camera(file, camera_of(flight))
     for key in ("antenna_m", "imu_m"):
@@ -365,8 +365,8 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> F
     if not notes:
         return Question(name, expected).ok(f"{source.file.name} gives {', '.join(source.keys)}")
     advice = (
-        "lever arms, bore-sight and delay are those of the camera, its lens and its mount: take"
-        " the file of this one, or calibrate it again"
+        "lever arms, bore-sight and delay belong to one camera, lens and mount; take the mounting "
+        "file of this camera, or calibrate it again"
     )
     return Question(name, expected).note(f"{source.file.name}: {'; '.join(notes)}", advice)
 
@@ -390,17 +390,19 @@ def _other_camera(file: MountingFile, camera: CameraTags | None) -> list[str]:
         return []
     notes = []
     if file.camera and camera.model and not _same_name(file.camera, camera.model):
-        notes.append(f"it is of the camera {file.camera!r}, the images are of {camera.model!r}")
+        notes.append(
+            f"the file is of the camera {file.camera!r}, but the images are of {camera.model!r}"
+        )
     sizes = file.image_size, camera.image_size
     if sizes[0] is not None and sizes[1] is not None and sorted(sizes[0]) != sorted(sizes[1]):
         text = " and ".join(f"{size[0]} x {size[1]}" for size in sizes if size)
-        notes.append(f"images of {text} pixels, of the calibration and of the flight")
+        notes.append(f"image sizes of calibration and flight differ, {text} pixels")
     elif file.focal_px and camera.focal_px:
         share = camera.focal_px / file.focal_px - 1.0
         if abs(share) > OTHER_LENS:
             notes.append(
-                f"focal length {file.focal_px:.0f} px, that of the images {camera.focal_px:.0f} px"
-                f" by their Exif ({100 * share:+.0f} %, limit {100 * OTHER_LENS:.0f} %)"
+                f"focal length {file.focal_px:.0f} px, but {camera.focal_px:.0f} px by the Exif "
+                f"of the images ({100 * share:+.0f} %, limit {100 * OTHER_LENS:.0f} %)"
             )
     return notes
 
@@ -457,10 +459,10 @@ def check_segments(
         The note "IMU gaps".
     """
     kept = ", ".join(f"{time[0]:.1f} to {time[-1]:.1f} s" for time in times)
-    finding = f"the flight falls into segments of their own, {kept}"
+    finding = f"gaps split the flight into segments that are solved one by one, {kept}"
     if failures:
         spans = (f"{lo:.1f} to {hi:.1f} s ({error})" for (lo, hi), error in failures)
         finding += f"; left out: {', '.join(spans)}"
     return Question("IMU gaps", f"no gap over {BRIDGE_S:g} s").note(
-        finding, "images in a gap or in a segment left out have no orientation"
+        finding, "images in a gap or in an unsolved segment have no orientation"
     )

@@ -364,8 +364,8 @@ def refuse_beyond_memory(needed: Forecast, room: int | None = None) -> None:
     first, then = "output.trajectory_hz", "parts of the flight with start_tow and end_tow"
     advice = f"lower {first}, or process {then}" if dense else f"process {then}"
     raise DataError(
-        f"some {needed.total / GB:.1f} GB of memory needed, {room / GB:.1f} GB available:"
-        f" increments of {needed.samples} samples {needed.increments / GB:.1f}, filter and smoother"
-        f" at {needed.epochs} epochs {needed.estimation / GB:.1f}, trajectory of {needed.rows} rows"
-        f" {needed.trajectory / GB:.1f}; {advice}"
+        f"some {needed.total / GB:.1f} GB of memory needed, {room / GB:.1f} GB available "
+        f"(increments of {needed.samples} samples {needed.increments / GB:.1f}, filter and "
+        f"smoother at {needed.epochs} epochs {needed.estimation / GB:.1f}, trajectory of "
+        f"{needed.rows} rows {needed.trajectory / GB:.1f}); {advice}"
     )

@@ -58,8 +58,8 @@ def run_history(
         _fixes(flight, segments),
         recording.covariances,
         (
-            "lever arm IMU to antenna applied, forward right down m: "
-            f"{lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}"
+            f"lever arm from IMU to antenna applied, forward right down: {lever[0]:.4f} "
+            f"{lever[1]:.4f} {lever[2]:.4f} m"
         ),
         f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {'; '.join(first.history)}",
         *(f"segment from {s.solution.time[0]:.1f} s on: {'; '.join(s.history)}" for s in later),
@@ -77,8 +77,8 @@ def run_history(
 def _filter(segments: Sequence[Segment], gps_week: int) -> str:
     passes = max(segment.solution.passes for segment in segments)
     return (
-        f"insgnss {__version__}; smoothed, {segments[0].solution.problem.layout.size} states, "
-        f"{passes} filter pass{'es' if passes > 1 else ''}; GPST week {gps_week}"
+        f"insgnss {__version__}; smoothed solution of {segments[0].solution.problem.layout.size} "
+        f"states, {passes} filter pass{'es' if passes > 1 else ''}; GPST week {gps_week}"
     )
 
 
@@ -125,7 +125,7 @@ def _clock(
         moved = ", stamps not moved"
         if camera.clock != "auto":
             moved = f", moved by {offsets.imu:+.4f} s"
-        yield f"camera events{which} of the IMU's clock ({how}){moved if offsets.imu else ''}"
+        yield (f"camera events{which} on the IMU's clock ({how}){moved if offsets.imu else ''}")
         return
     moves = [
         offsets.gnss + segment.time_offset_s + event_delay(segment.solution)[exposed.instant]
@@ -135,8 +135,8 @@ def _clock(
     if moves:
         ms = 1e3 * np.concatenate(moves)
         yield (
-            f"camera events{which} of the receiver's clock ({how}), moved with the fixes by"
-            f" {ms.min():+.3f} to {ms.max():+.3f} ms"
+            f"camera events{which} on the receiver's clock ({how}), moved with the fixes by "
+            f"{ms.min():+.3f} to {ms.max():+.3f} ms"
         )
 
 
@@ -144,8 +144,8 @@ def _clocks(offsets: ClockOffsets) -> Iterator[str]:
     """Say that the IMU was moved onto the clock of the fixes."""
     if offsets.unstated:
         yield (
-            f"stamps of the IMU moved by {offsets.imu:+.4f} s onto GPST, the clock of the fixes"
-            " (gnss.time_offset_s): all products count GPST"
+            f"time stamps of the IMU moved by {offsets.imu:+.4f} s to GPST, the clock of the "
+            "fixes (gnss.time_offset_s); all products count GPST"
         )
 
 
@@ -153,7 +153,7 @@ def _estimates(segments: Sequence[Segment]) -> Iterator[str]:
     """Say by how much the stamps were moved, and what the longest segment estimates."""
     for segment in segments:
         if segment.time_offset_s:
-            yield f"the stamps of the fixes moved by {segment.time_offset_s:+.4f} s"
+            yield f"time stamps of the fixes moved by {segment.time_offset_s:+.4f} s"
     longest = max(segments, key=lambda segment: segment.solution.time.size)
     for state in state_verdicts(longest.solution, longest.time_offset_s, longest.stated):
         yield (

@@ -195,8 +195,8 @@ def read_imus(flight: Flight) -> tuple[Device, ...]:
     for k, twin in enumerate(further, start=2):
         if np.array_equal(twin.samples.gyro, first.samples.gyro):
             raise InputError(
-                f"{flight.path}: imu.further: IMU {k} ({twin.samples.source}) is the first IMU"
-                " again; give its own file or columns"
+                f"{flight.path}: imu.further: IMU {k} ({twin.samples.source}) repeats the first "
+                "IMU; give its own file or columns"
             )
     return (first, *further)
 

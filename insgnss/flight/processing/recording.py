@@ -231,7 +231,7 @@ def read_recording(flight: Flight) -> Recording:
         barometer = replace(
             barometer, time=barometer.time + unstated_offset(barometer.time, offsets, span_s)
         )
-        refuse_apart(barometer, imu)
+        refuse_apart(barometer, imu, gnss)
     noise = models[0]
     if prepared_imu.weight is not None:
         noise = weighted_model(models, [tuple(w) for w in prepared_imu.weight])
@@ -322,16 +322,15 @@ def with_dead_bands(
         error = GaussMarkov.from_sigma(band.duration_s, band.sigma)
         gyro[axis] = replace(gyro[axis], gauss_markov=(*gyro[axis].gauss_markov, error))
         named.append(
-            f"{'xyz'[k]} (one number in {100.0 * band.share:.0f} % of the samples, next to it"
-            f" {np.degrees(band.half_width):.2g} deg/s, for {band.duration_s:.2g} s)"
+            f"{'xyz'[k]} (one value in {100.0 * band.share:.0f} % of the samples, step to the "
+            f"next {np.degrees(band.half_width):.2g} deg/s, for {band.duration_s:.2g} s)"
         )
     if not named:
         return noise, []
     note = Question("IMU noise", "readings that follow every slow turn").note(
-        f"dead band or coarse resolution of gyro {', '.join(named)}; an error of that size and"
-        " length was added to the noise model",
-        "let the device write its raw rates with all digits: the missing digits make the heading"
-        " worse",
+        f"dead band or coarse resolution of gyro {', '.join(named)}; the noise model was enlarged "
+        "by this error",
+        "let the device write raw rates with all digits, as missing digits make the heading worse",
     )
     return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
 

@@ -60,8 +60,8 @@ def check_set_clock(flight: Flight, observed: Observed) -> list[Finding]:
     stamping = {"imu": ("IMU", observed.imu.notes), "receiver": ("receiver", observed.gnss.notes)}
     whose, notes = stamping.get(flight.camera.clock, ("", ()))
     unmoved = (
-        f"add the step of the {whose}'s clock to the stamps of the exposures before the clock was"
-        " set, or let the other one stamp"
+        f"add the step of the {whose}'s clock to the exposure times before the clock was set, or "
+        "let the other clock stamp exposures"
     )
     return [
         replace(check, verdict="contradiction", remedy=unmoved)

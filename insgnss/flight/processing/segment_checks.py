@@ -127,9 +127,8 @@ def check_exposure_clock(
             check = Question(
                 "exposure clock", f"either clock gives the same images within {1e3 * limit:.0f} mm"
             ).note(
-                "taken as the IMU's; with the receiver's clock the images would lie up to"
-                f" {max(apart_m):.2f} m elsewhere, and no data of the flight show which clock is"
-                " right",
+                "the IMU's clock was assumed; with the receiver's clock the images would move by "
+                f"up to {max(apart_m):.2f} m, and no data of the flight show which clock is right",
                 Step(
                     'set {} if the receiver stamps the exposures, "imu" if the IMU does',
                     SetKey("camera.clock", "receiver"),
@@ -165,9 +164,9 @@ def check_residuals(
     worst, axis, sigmas = worst_piece(pieces)
     expected = f"at most {limit:.1f} sigma in each of {len(pieces)} pieces"
     yield Question("fixes minus solution", expected).note(
-        f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
-        f" {millimetres(1e3 * worst.mean_m[axis])} {NED_NAMES[axis]}, {sigmas:.1f} sigma",
-        "the solution departs from the fixes there: do not rely on its positions or sigmas",
+        f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s: fixes minus solution "
+        f"{millimetres(1e3 * worst.mean_m[axis])} {NED_NAMES[axis]}, {sigmas:.1f} sigma",
+        "do not rely on positions or sigmas there: the solution departs from the fixes",
         when=sigmas > limit,
     )
 
@@ -211,9 +210,8 @@ def check_file_sigmas(
         return
     ratio, factor = wider
     yield Question("sigmas of the fixes", "no larger errors than the innovations need").note(
-        "taken as white noise, the sigmas of the file already explain the innovations (NIS per"
-        f" degree of freedom {ratio:.2f}, white); with the larger errors that were adopted,"
-        f" sigmas of position are {factor:.1f} times as large",
+        "the sigmas of the file explain the innovations as white noise (NIS per degree of freedom "
+        f"{ratio:.2f}); the adopted larger errors make position sigmas {factor:.1f} times as large",
         Step(
             "compare the images with check points; only where they are as good as white fixes"
             " promise, set {}",
@@ -295,7 +293,7 @@ def check_motion(
         *(("filter.non_holonomic", False) if constrained else ("filter.zero_velocity", "off"))
     )
     measured = "zero-velocity updates or non-holonomic constraints"
-    remedy = Step("if the vehicle does not move as assumed: {}", key)
+    remedy = Step("if the vehicle does not move as assumed, set {}", key)
     yield from _mostly_used("motion", segments, VELOCITY_CONSTRAINT, measured, remedy)
 
 
@@ -315,8 +313,8 @@ def check_barometer(
         The check "barometer" where there is one: most of its heights must pass their test.
     """
     remedy = Step(
-        "its heights do not follow the flight: check {barometer.columns}, time_offset_s (UTC is"
-        " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
+        "the barometer's heights do not follow the flight; check {barometer.columns}, "
+        "time_offset_s (UTC is 18 s behind GPS time) and sigma_m, or leave out [barometer]"
     )
     yield from _mostly_used("barometer", segments, BAROMETER_ROW, "heights", remedy)
 
@@ -345,18 +343,20 @@ def check_measurements(
         nis = np.concatenate([s.nis[s.verdict[:, kind] == USED, kind] for s in solutions])
         finding = f"{measurement.name}: {rejected} of {offered} values rejected"
         bad, ratio = not offered or rejected > MOST_REJECTED_FIXES * offered, 1.0
-        question = Question("measurements", "some values within the flight, and most of them used")
-        remedy = Step("check its clock, units, sign and what `predict` returns, or leave it out")
+        question = Question("measurements", "some values within the flight, most of which are used")
+        remedy = Step("check clock, units, sign and `predict` of this measurement, or leave it out")
         if not offered:
             time, first, last = measurement.time, solutions[0].time[0], solutions[-1].time[-1]
             finding = (
-                f"{measurement.name}: none of its {time.size} values lies within the flight, TOW"
-                f" {first:.1f} to {last:.1f} s; they are of {time[0]:.1f} to {time[-1]:.1f} s"
+                f"{measurement.name}: none of the {time.size} values lies within the flight, TOW "
+                f"{first:.1f} to {last:.1f} s; the values are of {time[0]:.1f} to {time[-1]:.1f} s"
             )
-            remedy = Step("give its times in seconds of the GPS week of the flight, GPST")
+            remedy = Step(
+                "give the times of the values in seconds of the GPS week of the flight, GPST"
+            )
         if nis.size:
             ratio = float(np.sqrt(nis.mean() / measurement.values.shape[1]))
-            finding += f"; the others scatter {ratio:.2f} times as much as their sigmas say"
+            finding += f"; the other values scatter {ratio:.2f} times as much as their sigmas state"
             finding += "".join(_moving_states(solutions, measurement.name))
         judged = nis.size >= LEAST_VALUES
         wide, narrow = judged and ratio**2 > AS_CLAIMED[1], judged and ratio < LEAST_SCATTER
@@ -364,17 +364,19 @@ def check_measurements(
         if deviating and not bad:
             bad, finding = True, f"{measurement.name}: {deviating[0]}"
             question = Question("measurements", f"within {MOST_STATE_SIGMAS:g} sigmas")
-            remedy = Step("measure it again and correct the values, or give it a larger sigma")
+            remedy = Step(
+                "measure this constant again and correct the values, or give it a larger sigma"
+            )
         if wide and not bad:
             larger = Step(
-                "multiply the standard deviations of the values by this factor, or add the error"
-                " states that are missing: until then the sigmas of the flight are too small"
+                "multiply the standard deviations of the values by this factor, or add the "
+                "missing error states; otherwise the sigmas of the images are too small"
             )
             yield question.note(finding, larger)
         elif narrow and not bad:
             units = Step(
-                "check the units of its sigma and of the sigmas of its states, such as deg given"
-                " as rad: with these values the sensor has almost no effect on the solution"
+                "check the units of the sensor's sigma and of the sigmas of its states, such as "
+                "deg given as rad; now the sensor has almost no effect on the solution"
             )
             yield question.note(finding, units)
         else:
@@ -389,7 +391,7 @@ def _moving_states(solutions: Sequence[Solution], measurement: str) -> Iterator[
             unit, factor = _shown_unit(state)
             low = factor * min(float(one.x[:, s].min()) for one in solutions)
             high = factor * max(float(one.x[:, s].max()) for one in solutions)
-            yield f"; its {state.axis} runs from {low:.3g} to {high:.3g} {unit}".rstrip()
+            yield f"; the state {state.axis} varies from {low:.3g} to {high:.3g} {unit}".rstrip()
 
 
 def _shown_unit(state: State) -> tuple[str, float]:
@@ -416,7 +418,7 @@ def _deviating_states(solution: Solution, measurement: str) -> list[str]:
             unit, factor = _shown_unit(state)
             numbers = f"{factor * value:.3g} +- {factor * sigma:.2g} {unit}".rstrip()
             texts.append(
-                f"{state.axis} of {numbers} by this flight, stated 0 +- {factor * prior:.2g}"
+                f"{state.axis} is {numbers} by this flight, but 0 +- {factor * prior:.2g} is stated"
             )
     return texts
 
@@ -481,7 +483,7 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> Iterator[
         names += ", ..." if len(missing) > MOST_IMAGES_LISTED else ""
         yield Question("images", "all images within the segments").note(
             f"{len(missing)} of {len(images)} have no orientation: {names}",
-            "they lie in a gap, before the first fix or in a segment left out",
+            "these images lie in a gap, before the first fix or in an unsolved segment",
         )
 
 

@@ -350,8 +350,8 @@ def align(
     return (
         _expecting(alignment.start, problem.layout.offset, -moved_s),
         (
-            f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to "
-            f"{sigma:.2f} deg there), filtered back to the first fix"
+            f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading "
+            f"sigma {sigma:.2f} deg), filtered back to the first fix"
         ),
     )
 
@@ -371,6 +371,6 @@ def _refuse_short(recording: Recording, span: tuple[float, float]) -> None:
     length = float(time[-1] - time[0]) if time.size else 0.0
     if time.size < 2 or length < SHORTEST_OVERLAP_S:
         raise DataError(
-            f"{time.size} fixes over {length:.1f} s, limit {SHORTEST_OVERLAP_S:.0f} s; see gaps"
-            " and clocks of both sensors with `insgnss inspect`, or record longer without gaps"
+            f"only {time.size} fixes over {length:.1f} s (limit {SHORTEST_OVERLAP_S:.0f} s); "
+            "check gaps and clocks with `insgnss inspect`, or record longer without gaps"
         )

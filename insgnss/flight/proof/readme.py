@@ -51,8 +51,8 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
 
     turned = {
         (
-            "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image"
-            " is shown turned"
+            "the heading of the aircraft is used as yaw of the image (90 deg off), or the image "
+            "is shown rotated"
         ): C @ QUARTER_TURN,
         "omega and phi (pitch and roll) are exchanged": of(rotation_from_opk(opk[:, [1, 0, 2]])),
         "phi is turned before omega": of(rotation_from_pok(opk[:, [1, 0, 2]])),
@@ -71,7 +71,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
     yield from ((mistake, residual(scene, W, centre)) for mistake, W in turned.items())
     yield "the lever arm is applied twice", residual(scene, C, centre - C @ LEVER_CM_C)
     yield (
-        f"heights of the geoid are taken for heights of the ellipsoid ({TYPICAL_GEOID_M:.0f} m)",
+        f"heights above the geoid are taken as ellipsoidal heights ({TYPICAL_GEOID_M:.0f} m)",
         residual(scene, C, centre - [0.0, 0.0, TYPICAL_GEOID_M]),
     )
     middle = centre.mean(axis=0)
@@ -80,7 +80,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
         residual(scene, C, middle + (centre - middle)[:, [1, 0, 2]]),
     )
     yield (
-        "pixels count from the middle of the first one, not from its corner",
+        "pixel coordinates count from the centre of the first pixel, not from its corner",
         float(np.hypot(0.5, 0.5)),
     )
 
@@ -108,64 +108,62 @@ def of_the_grid(scene: Scene, projection: MapProjection, ground_m: float | None)
 README_WIDTH = 100  # characters of a line
 LOOK = {
     "metashape": (
-        "Metashape: align the images with the camera fixed, then look at the Reference pane, which"
-        " has the errors of cameras (m, deg) and of markers (m, px)."
+        "Metashape: align the images with the camera fixed; the Reference pane then shows the "
+        "errors of cameras (m, deg) and markers (m, px)."
     ),
     "pix4d": (
-        "Pix4D: the quality report has the errors of control points, and how far orientations"
-        " moved."
+        "Pix4D: the quality report shows the errors of control points and the changes of the "
+        "orientations."
     ),
     "opf": "Pix4D: open project.opf; the points of points.csv fall on the pixels of pixels.csv.",
     "odm": (
-        "OpenDroneMap: geo.txt goes beside the images, the points into gcp_list.txt; it takes"
-        " positions only, no angles."
+        "OpenDroneMap: put geo.txt beside the images and the points into gcp_list.txt; it uses "
+        "positions, no angles."
     ),
     "opensfm": (
-        "OpenSfM: both json files go beside the images; its report has the errors of positions,"
-        " reconstruction.json the rotations."
+        "OpenSfM: put both json files beside the images; the report shows the errors of "
+        "positions, reconstruction.json the rotations."
     ),
     "micmac": (
-        "MicMac: mm3d OriConvert OriTxtInFile makes a directory as Ori-Nav of the text, GCPConvert"
-        " the points, GCPCtrl residuals."
+        "MicMac: mm3d OriConvert OriTxtInFile makes the directory Ori-Nav, GCPConvert the points, "
+        "GCPCtrl the residuals."
     ),
     "realitycapture": (
-        "RealityCapture, RealityScan: the control point report has residuals in pixels."
+        "RealityCapture, RealityScan: the control point report shows residuals in pixels."
     ),
-    "bentley": "ContextCapture, iTwin Capture: the survey report has residuals in pixels.",
+    "bentley": "ContextCapture, iTwin Capture: the survey report shows residuals in pixels.",
     "inpho": (
-        "Inpho: the stereo view over a point, or Match-AT with orientations held, has residuals in"
-        " pixels."
+        "Inpho: the stereo view of a point, or Match-AT with fixed orientations, shows residuals "
+        "in pixels."
     ),
     "colmap": (
-        "COLMAP: import the model, or triangulate with the poses held (point_triangulator), and"
-        " project the points, less the shift that images.txt names."
+        "COLMAP: import the model, or triangulate with fixed poses (point_triangulator), subtract "
+        "the shift in images.txt from the points, and project them."
     ),
 }
 SEE = {
     "tum": (
-        "evo_traj tum with --plot shows the poses, with the axes of the camera: x image right, y"
-        " image down, z viewing direction."
+        "evo_traj tum with --plot shows the poses and the camera axes: x image right, y image "
+        "down, z viewing direction."
     ),
-    "g2o": "In g2o_viewer, or with GTSAM's readG2o, the error of the graph is zero as it stands.",
+    "g2o": "In g2o_viewer, or with GTSAM's readG2o, the error of the graph is zero.",
     "relative": (
         "The pose of each second image follows from that of the first one, and the points fall on"
         " their pixels in both."
     ),
-    "geojson": "In a GIS the images stand over points_geographic.csv.",
-    "kml": "In Google Earth, fly to an image's placemark: the view is that of the picture.",
-    "geopackage": (
-        "In a GIS the images stand over points.csv, in the CRS that the file itself names."
-    ),
+    "geojson": "In a GIS the images lie over points_geographic.csv.",
+    "kml": "In Google Earth, fly to an image's placemark: the view is that of the image.",
+    "geopackage": ("In a GIS the images lie over points.csv, in the CRS of the file."),
     "image_tags": (
-        "A program that reads tags shows position and angles of the tagged copies; load these, not"
-        " images/, and go on as with any other orientation: points.csv and pixels.csv are there"
-        " for it."
+        "A program that reads image tags shows position and angles of the tagged copies; load "
+        "these copies, not images/, then use points.csv and pixels.csv as with any other "
+        "orientation."
     ),
     "rtklib_pos": (
         "RTKPLOT shows the antenna's positions, 0.46 m from the cameras towards the right side of"
         " the images."
     ),
-    "eo_json": "The master itself, of which `insgnss export` makes every other format.",
+    "eo_json": "This file is the master from which `insgnss export` makes every other format.",
 }
 TO_DO = """\
 1. New project with images/ and the camera of camera.txt, all of it fixed, without distortion.
@@ -196,9 +194,9 @@ def readme(
     parts = [
         f"Proof of the format {name}: {export_format.what}",
         (
-            f"{len(scene.eo.images)} images of a synthetic field, {len(scene.names)} marked points,"
-            f" each in {fewest_images} images at least. A tool that takes {file} as it is meant,"
-            " with this camera, finds the points where their crosses are."
+            f"{len(scene.eo.images)} images of a synthetic field, {len(scene.names)} marked "
+            f"points, each in {fewest_images} images at least. A tool that reads {file} "
+            "correctly, with this camera, projects the points onto their crosses."
         ),
         _files(name, file),
         "What to do",
@@ -227,7 +225,7 @@ def _text_of_format(names: dict[str, str], name: str) -> str:
 def _files(name: str, file: str) -> str:
     lines = (
         f"{file}: the exterior orientation in the format {name}",
-        "images/: drawn images; the centre of each cross is a point of points.csv",
+        "images/: synthetic images; the centre of each cross is a point of points.csv",
         (
             "points.csv: the points in the frame of the export; points_geographic.csv: the same in"
             " WGS84"
@@ -239,7 +237,7 @@ def _files(name: str, file: str) -> str:
 
 
 def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | None) -> str:
-    expectation = "Residuals of less than 0.01 px, which is what the printed digits leave."
+    expectation = "Residuals are below 0.01 px, the rounding of the printed digits."
     if projection is None:
         return expectation
     px = of_the_grid(scene, projection, ground_m)
@@ -249,9 +247,9 @@ def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | 
     ground = np.full(lat.shape, scene.geodetic[:, 2].mean())
     scale = float(projection.ground_scale(lat, lon, ground).mean())
     return (
-        f"{expectation} A tool that takes the coordinates of {projection.name} for Cartesian ones"
-        f" finds up to {px:.2f} px in the right file: lengths of the plan are {scale:.6f} of those"
-        f" on the ground. The convergence of the meridian is {gamma:.4f} deg here."
+        f"{expectation} A tool that treats the coordinates of {projection.name} as Cartesian "
+        f"finds up to {px:.2f} px in the right file, because lengths in the projection are "
+        f"{scale:.6f} of those on the ground. The meridian convergence is {gamma:.4f} deg here."
     )
 
 

@@ -137,13 +137,13 @@ def _unsupported_model(flight: Flight, recording: Recording, segment: Segment) -
         return f"{foreign[0]} is estimated"
     sensors = np.delete(solution.verdict == USED, POSITION_ROW, axis=1)
     if sensors.any():
-        return "more than positions is measured (velocities, stationary periods or other sensors)"
+        return "not only positions are used (velocities, stationary periods, other sensors)"
     if (length := float(np.ptp(solution.time))) < SHORTEST_SOLVED_S:
-        return f"{length:.0f} s do not determine the attitude, {SHORTEST_SOLVED_S:.0f} s are needed"
+        return f"{length:.0f} s are too short for the attitude ({SHORTEST_SOLVED_S:.0f} s needed)"
     if flight.imu.calibration is not None or flight.imu.further:
-        return "its IMU is calibrated by a file, or there are several"
+        return "the IMU is calibrated by a file, or there are several IMUs"
     if not set(flight.imu.axes.split()) <= set(AXIS_VECTORS):
-        return f"its axes are written {flight.imu.axes}"
+        return f"the IMU axes are written {flight.imu.axes}"
     axes = (*recording.noise.gyro, *recording.noise.accel)
     epochs = solution.problem.epochs
     scales = layout.white_scales[np.unique(epochs.group[epochs.has_position])]
@@ -157,11 +157,11 @@ def _unsupported_model(flight: Flight, recording: Recording, segment: Segment) -
         for state, of_axis in zip(OF_LEVER_ARM, stated_sigmas, strict=True)
     ]
     if any(freed) and not flight.filter.lever_arm:
-        return "the flight contradicts its lever arm, which either way would then estimate"
+        return "the flight contradicts the stated lever arm, which is then estimated"
     if any(axis.quantization or axis.drift for axis in axes):
         return "the noise model has quantization or drift"
     if len(recording.cameras) != 1 or recording.cameras[0].clock != "imu" or segment.time_offset_s:
-        return "it has not one camera, stamped by the clock of the IMU"
+        return "the flight has not just one camera, stamped by the IMU's clock"
     return ""
 
 

@@ -142,8 +142,8 @@ class Verification:
             f" {self.epochs} epochs, {self.states} states, passes: {self.passes}"
         )
         decided = (
-            f"measurements: {self.decisions}, used by one and rejected by the other:"
-            f" {self.decided_otherwise}"
+            f"measurements: {self.decisions}, of which used by one and rejected by the other: "
+            f"{self.decided_otherwise}"
         )
         took = f"filter and smoother: core {self.core_s:.2f} s, twin {self.twin_s:.1f} s"
         refusal = [] if self.refusal is None else [str(self.refusal)]

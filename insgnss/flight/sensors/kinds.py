@@ -197,7 +197,7 @@ def _rows_of_table(
     settled = table.settled(kind.spec.checked_units(options.units))
     columns = tuple(name for name in kind.values.split() if name in table)
     if not columns:
-        problem = f"no column out of {kind.values}; set columns = [...] with tow and these"
+        problem = f"no column out of {kind.values}; set columns = [...] with tow and these names"
         raise InputError.at_line(str(options.file), None, problem)
     factor, values = settled.factors[kind.unit], table.block(" ".join(columns))
     time, own_week, notes = table.examined_time(
@@ -216,7 +216,7 @@ def _rows_of_table(
         rows = np.flatnonzero(~absent)
         time, values, lines = time[rows], values[rows], Picked(table, rows)
         sigma = None if sigma is None else sigma[rows]
-        finding = f"left out {absent.sum()} rows with -2e10, which a receiver has for no value"
+        finding = f"left out {absent.sum()} rows with -2e10, which receivers write for no value"
         notes = (*notes, note("measurement rows", finding, "a value each"))
     return columns, (own_week or week, time, factor * values, lines, sigma, notes)
 
@@ -227,7 +227,7 @@ def _rows_of_log(
     """Return the columns of the values, and the rows of a log of another format in SI."""
     if options.columns is not None or options.units is not None:
         key = "units" if options.columns is None else "columns"
-        problem = f"is of tables; {options.file.name} is a log of another format, leave it out"
+        problem = f"belongs to tables, but {options.file.name} is a log; leave this key out"
         raise OptionError(f"measurement.{key}", problem)
     week, time, values, lines, sigma, notes = log
     factor = DEG if kind.unit == "angle" else 1.0
@@ -242,7 +242,7 @@ def _refuse_options(options: MeasurementInput, kind: SensorKind) -> None:
     for name in dict.fromkeys(name for shipped in SHIPPED for name in kinds()[shipped].reads):
         default = getattr(options, name) == known_options[name].default
         if name not in kind.reads and not default:
-            problem = f"is not read by kind {options.kind!r}; leave it out"
+            problem = f"is not used by kind {options.kind!r}; leave this key out"
             raise OptionError(f"measurement.{name}", problem)
         if name in kind.needs and default:
             meaning = known_options[name].option.meaning
@@ -255,6 +255,6 @@ def _stated_sigma(
 ) -> Array:
     """Return the standard deviation of the table for all values, in SI."""
     if options.sigma is None:
-        problem = f"{reason}; give measurement.sigma, the standard deviation of its values"
+        problem = f"{reason}; give measurement.sigma, the standard deviation of the values"
         raise InputError.at_line(str(options.file), None, problem)
     return np.full(shape, options.sigma * (DEG if kind.unit == "angle" else 1.0))

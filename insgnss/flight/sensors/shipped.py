@@ -129,7 +129,7 @@ def _baselines_of_moving_base(path: Path) -> LogRows | None:
         return None
     pos = read_pos_rows(path)
     if pos.header.kind != "e-baseline":
-        problem = "has positions, not vectors between the antennas; run RTKLIB with"
+        problem = "the file has positions, not vectors between antennas; run RTKLIB with"
         advice = "pos1-posmode = movingbase and out-solformat = enu"
         raise InputError.at_line(str(path), None, f"{problem} {advice}")
     fixed = np.asarray(pos.columns["Q"] == Quality.FIXED)  # float ones are off by decimetres
@@ -146,7 +146,9 @@ def _baselines_of_moving_base(path: Path) -> LogRows | None:
     refuse_rows(lines, without_sigma, "a standard deviation must be greater than zero")
     notes = pos.notes
     if not fixed.all():
-        floats = f"left out {np.count_nonzero(~fixed)} of {fixed.size} baselines that are not fixed"
+        floats = (
+            f"left out {np.count_nonzero(~fixed)} of {fixed.size} baselines with float ambiguities"
+        )
         notes = (*notes, note("measurement rows", floats, "fixed ambiguities"))
     return pos.gps_week, pos.time[fixed], np.column_stack([n, e, -u]), lines, sigma, notes
 

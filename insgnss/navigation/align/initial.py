@@ -171,31 +171,31 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
     )
     if misfits and hopeless:
         raise DataError(
-            f"no initial attitude: in no part of the recording do GNSS and inertial motion agree"
-            f" (median NIS of the fixes {min(misfits):.0f} at best, limit {MISFIT_NIS:.0f}); check"
-            " sign and unit of the heights, lever arm (m), axes, sigmas, time scales and noise"
-            " model, or give [initial] attitude"
+            "no initial attitude: GNSS and inertial motion agree in no part of the recording "
+            f"(median NIS of the fixes {min(misfits):.0f} at best, limit {MISFIT_NIS:.0f}); check "
+            "sign and unit of the heights, lever arm (m), axes, sigmas, time scales and noise "
+            "model, or give [initial] attitude"
         )
     if standing is not None and hopeless:
         raise DataError(
-            f"heading not observable: {standing.description()} at best (limit"
-            f" {np.degrees(MOST_ATTITUDE_SIGMA_RAD):.0f} deg), and no motion gives more; include"
-            " a manoeuvre, use gyros of a degree an hour, or give [initial] attitude"
+            f"heading not observable: {standing.description()} at best (limit "
+            f"{np.degrees(MOST_ATTITUDE_SIGMA_RAD):.0f} deg), and no motion improves it; include "
+            "a manoeuvre, use gyros of 1 deg/h, or give [initial] attitude"
         )
     if not solved:
         raise DataError(
-            "no initial attitude: in no part of the recording do GNSS and inertial motion agree,"
-            " or it has too few fixes; check axes, units, time scales, sigmas, lever arm and noise"
-            " model with `insgnss inspect`, or give [initial] attitude"
+            "no initial attitude: GNSS and inertial motion agree in no part of the recording, or "
+            "there are too few fixes; check axes, units, time scales, sigmas, lever arm and noise "
+            "model with `insgnss inspect`, or give [initial] attitude"
         )
     chosen = min(solved, key=lambda f: _heading_variance(f[1]))
     sigma = float(np.sqrt(_heading_variance(chosen[1])))
     if not sigma < MOST_ATTITUDE_SIGMA_RAD:
         raise DataError(
-            "heading not observable: the best window of the recording gives it to"
-            f" {np.degrees(sigma):.0f} deg only (limit {np.degrees(MOST_ATTITUDE_SIGMA_RAD):.0f}),"
-            " it holds no turn or change of speed, or the noise model is far too wide; include a"
-            " manoeuvre or give [initial] attitude"
+            "heading not observable: the best part of the recording gives the heading to "
+            f"{np.degrees(sigma):.0f} deg only (limit {np.degrees(MOST_ATTITUDE_SIGMA_RAD):.0f}), "
+            "as there is no turn or change of speed or the noise model is far too wide; include a "
+            "manoeuvre or give [initial] attitude"
         )
     return chosen
 

@@ -58,9 +58,9 @@ class StandingAttitude:
         """Return what the period gives, in words."""
         roll, pitch, _ = np.degrees(rpy_from_rotation(self.C_lb))
         return (
-            f"standing, roll {roll:.2f} and pitch {pitch:.2f} deg to"
-            f" {np.degrees(self.tilt_sigma):.2g} deg, and heading to"
-            f" {min(np.degrees(self.heading_sigma), 180.0):.3g} deg from the Earth's rotation"
+            f"standing: roll {roll:.2f} and pitch {pitch:.2f} deg (sigma "
+            f"{np.degrees(self.tilt_sigma):.2g} deg), heading from the Earth's rotation (sigma "
+            f"{min(np.degrees(self.heading_sigma), 180.0):.3g} deg)"
         )
 
 

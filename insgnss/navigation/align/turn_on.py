@@ -112,8 +112,8 @@ def turn_on_bias(
     """
     if not len(periods):
         raise DataError(
-            "no stationary period of a second and more; the turn-on bias needs one before take-off"
-            " or after landing"
+            "no stationary period of a second; the turn-on bias needs one before take-off or "
+            "after landing"
         )
     C = np.asarray(C_b_imu, dtype=np.float64)
     rates, each = periods.gyro_mean @ C.T, periods.accel_mean @ C.T

@@ -49,8 +49,8 @@ UNSEEN_SIGMA = 3.0  # median sigmas of a position: an error below is within what
 BY_CHANCE = 3.0
 TURNED_ELEMENT = 0.5  # of an element of two matrices: these are turned by some right angle
 STAMPED = (
-    "and check that {camera.clock} is the clock that stamps the exposures (imu or receiver):"
-    " with the wrong clock they are off by as much"
+    "and check that {camera.clock} is the clock that stamps the exposures (imu or receiver), as "
+    "the wrong clock shifts exposures by as much"
 )
 # of the IMU's interval: samples taken for its mean are late by half of it where they are
 # instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
@@ -218,8 +218,8 @@ def unseen(
     if TIME_OFFSET.group not in constants.requested:
         offset = SEEN * alone.get(TIME_OFFSET, np.inf)
         text = f"{TIME_OFFSET} below {1e3 * offset:.2g} ms"
-        along = f"the offset moves them by up to {millimetres(offset * speed)} mm along track"
-        shared = "the offset moves no image, since their exposures have the same clock"
+        along = f"the offset moves the images by up to {millimetres(offset * speed)} mm along track"
+        shared = "the offset moves no image, since exposures and fixes have the same clock"
         errors.append((0.0, text, shared) if events_with_fixes else (offset * speed, text, along))
     if not errors:
         return None
@@ -228,10 +228,10 @@ def unseen(
     moved = ", ".join(dict.fromkeys(effects))
     text = f"this flight would not reveal errors of {', '.join(names)}: {moved}"
     remedy = Step(
-        "measure them, and state how accurately: {mounting.antenna_sigma_m},"
-        " {gnss.time_sigma_s}; turns, tilts and changes of speed in a flight reveal them"
+        "measure lever arm and time offset and state their sigmas: {mounting.antenna_sigma_m}, "
+        "{gnss.time_sigma_s}; turns, tilts and changes of speed in a flight reveal errors"
     )
-    ask = Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen")
+    ask = Question("unseen constants", f"errors above {1e3 * limit:.0f} mm would be seen")
     return ask.note(text, remedy, when=hidden)
 
 
@@ -269,7 +269,7 @@ def variance_check(
             for name, factor in adopted.items()
         )
         predicted = ", withheld pieces are predicted" if suspected.narrowed else ""
-        expected = f"factors up to {claims.scale.usual:.2g}, as usual of such a source"
+        expected = f"factors up to {claims.scale.usual:.2g}, usual for this source of positions"
         return Question("GNSS sigmas", expected).note(
             f"{scatter} ({evidence}{predicted}); the result allows for it",
             claims.advised(adopted.get("fixes.position", 1.0)),
@@ -331,7 +331,7 @@ def message(errors: FixErrors) -> str:
     return (
         "correlated innovations: a time-correlated (Gauss-Markov) GNSS error estimated, in "
         f"standard deviations of the file (N / E / D): {correlated} with a correlation time of "
-        f"{errors.correlation_time_s:.1f} s, beside {white} of white error"
+        f"{errors.correlation_time_s:.1f} s, and {white} of white noise"
     )
 
 
@@ -354,7 +354,7 @@ def _lever_arm(
     exact = mounting.antenna_sigma_m == 0.0
     advised: Remedy = _either(mounting, value, sigma, exposures)
     if exact:
-        stated = "mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated"
+        stated = "mounting.antenna_sigma_m = 0 states an exact arm, so it is not estimated"
         advised = joined((advised, stated), "; ")
     elif not exposures:
         estimated = SetKey("filter.lever_arm", True)
@@ -363,9 +363,9 @@ def _lever_arm(
     if turns:
         matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
         first = (
-            f"another mounting.camera_from_body{matrix} would explain this with antenna_m"
-            " unchanged, and would turn the images as well: check the mounting first, since"
-            " nothing else in a flight shows a wrong one;"
+            f"another mounting.camera_from_body{matrix} would explain this with antenna_m "
+            "unchanged, and would turn the images as well: check the mounting first, as nothing "
+            "else in a flight shows a wrong mounting;"
         )
         advised = joined((first, advised), " else ")
     stated = f"the flight file's{', stated as exact' * exact}, within {NEGLIGIBLE_M:g} m"
@@ -388,10 +388,10 @@ def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> 
     if not exposures:
         return f"mounting.antenna_m = {antenna} would correct it, with {how_well}"
     return (
-        f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would correct it, with"
-        f" {how_well}: the flight measures only the vector from IMU to antenna; if imu_m is the"
-        f" wrong one, all images move by {float(np.linalg.norm(value)):.3f} m; measure both"
-        " before you change one"
+        f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would correct it, with "
+        f"{how_well}: the flight measures only the vector from IMU to antenna; if imu_m is wrong, "
+        f"all images move by {float(np.linalg.norm(value)):.3f} m; measure both before you change "
+        "one"
     )
 
 
@@ -428,8 +428,8 @@ def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: boo
     """Check the time offset of the fixes."""
     contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
     return Question(str(TIME_OFFSET), f"none, or less than {NEGLIGIBLE_M:g} m").against(
-        f"the fixes' stamps lack {offset:+.4f} +- {sigma:.4f} s, {abs(offset) * speed:.2f} m at "
-        f"{speed:.1f} m/s{by}",
+        f"time stamps of the fixes are early by {offset:+.4f} +- {sigma:.4f} s, "
+        f"{abs(offset) * speed:.2f} m at {speed:.1f} m/s{by}",
         Step(
             f"add {offset:+.4f} to {{gnss.time_offset_s}}, or set {{}} to have it estimated;"
             f" {STAMPED}",
@@ -460,8 +460,8 @@ def _clock_rate(
     """Check the rate of the IMU's clock against that of the fixes."""
     moves = 0.5 * abs(rate) * 60.0 * minutes * speed
     return Question("clock rate", f"one clock, or less than {NEGLIGIBLE_M:g} m").against(
-        f"the clock of the fixes gains {1e6 * rate:+.0f} +- {1e6 * sigma:.0f} ppm on that of the"
-        f" IMU, {moves:.2f} m of half the flight at {speed:.1f} m/s{by}",
+        f"the clock of the fixes runs {1e6 * rate:+.0f} +- {1e6 * sigma:.0f} ppm faster than the "
+        f"IMU's, {moves:.2f} m over half the flight at {speed:.1f} m/s{by}",
         Step(
             f"set {{}}, which estimates offset and rate of the clocks; {STAMPED}",
             SetKey("filter.time_offset", True),

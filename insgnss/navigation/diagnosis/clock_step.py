@@ -200,7 +200,8 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         return None
     first, last = float(fixes[EDGE_FIXES]), float(fixes[-EDGE_FIXES])
     opened = _fixes_alone(problem)
-    velocity = solve(opened, start, "off", separations=0).nav[:, VEL]
+    solution = solve(opened, start, "off", separations=0)
+    velocity = solution.nav[:, VEL]
     gaps = _gaps(problem)
     at_gap = np.array([float(time[gap.epochs[-1]]) for gap in gaps])
     low, high, of_imu = first, last, np.repeat([False, True], INSTANTS)
@@ -211,7 +212,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         jump = np.zeros((instants.size, N_NAV))
         epochs = np.minimum(np.searchsorted(time, instants[kind]), time.size - 1)
         jump[kind, POS] = -velocity[epochs]
-        solution, size, _, evidence = _scanned(opened, start, instants, jump)
+        _, size, _, evidence = _passed(opened, start, instants, jump)
         evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
         k = int(np.argmax(evidence))
         if evidence[k] < SHOWN_GAIN:
@@ -252,7 +253,7 @@ def _with_samples(
         jump = np.zeros((1, N_NAV))
         jump[0, POS] = -velocity[np.searchsorted(time, since)]
         bridged = _fixes_alone(_bridged(problem, since, -step_s))
-        unexplained, size, sigma = _passed(bridged, start, np.array([since]), jump)
+        unexplained, size, sigma, _ = _passed(bridged, start, np.array([since]), jump)
         # of the misfit, with the step that this one shows
         gain = float(size[0] / sigma[0]) ** 2
         step_s = min(step_s + float(size[0]), -problem.inc.nominal_s)
@@ -329,9 +330,8 @@ def step_check(step: ClockStep) -> Finding:
     to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
     whose = ""
     mended = (
-        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's clock"
-        f" stepped, {to_imu} if the IMU's did, and correct the events of the clock that stepped"
-        " alike"
+        f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's clock "
+        f"stepped, {to_imu} if the IMU's did, and correct the events on that clock as well"
     )
     if step.of_imu:
         whose = "; the IMU's stamps have an equally long gap there, so the IMU's clock stepped"
@@ -341,18 +341,18 @@ def step_check(step: ClockStep) -> Finding:
         f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
     )
     sentence = (
-        f"from {step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +- {step.sigma:.4f} s"
-        f" more than before, {moves}{whose}"
+        f"from {step.after:.2f} s on the time stamps of the fixes are early by {step.size:+.4f} "
+        f"+- {step.sigma:.4f} s more than before, {moves}{whose}"
     )
     if step.missing:
         parts = ""
         about = "about " if step.sigma > 0.5 * step.solution.problem.inc.nominal_s else ""
         sentence = (
-            f"{about}{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost"
-            f" shortly before {step.after:.2f} s and the stamps count on without them: from there"
-            f" on they are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
+            f"{about}{step.missing} IMU sample{'s were' if step.missing > 1 else ' was'} lost "
+            f"shortly before {step.after:.2f} s, and the time stamps go on without this gap: from "
+            f"there on the IMU's stamps are {-step.size:.4f} +- {step.sigma:.4f} s behind, {moves}"
         )
-    ask = Question(CLOCK_STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m")
+    ask = Question(CLOCK_STEP, f"no clock step, or one of less than {NEGLIGIBLE_M:g} m")
     advice = Step(f"{mended}: solved with this step, the flight follows its fixes{parts}")
     return ask.contradiction(sentence, advice)
 
@@ -376,19 +376,18 @@ def _scanned(
 
 def _passed(
     problem: EstimationProblem, start: InitialState, since: Array, jump: Array
-) -> tuple[float, Array, Array]:
-    """Return the misfit, and of a step at each instant its size and its sigma.
+) -> tuple[float, Array, Array, Array]:
+    """Return the misfit, and of a step at each instant its size, its sigma and (Z.1).
 
     Nothing is smoothed, unless measurements are linearised about what is.
     """
     if problem.measurements:
-        solution, size, sigma, _ = _scanned(problem, start, since, jump)
-        return misfit(solution), size, sigma
+        solution, size, sigma, evidence = _scanned(problem, start, since, jump)
+        return misfit(solution), size, sigma, evidence
     steps = _steps(problem, since, jump)
     passes = BlockwisePasses(problem, start, np.zeros(0, dtype=np.int64), 0)
     passes.filter(follower=steps.through)
-    size, sigma, _ = _shown_steps(steps)
-    return misfit_of_pass(passes.history, problem.gate), size, sigma
+    return misfit_of_pass(passes.history, problem.gate), *_shown_steps(steps)
 
 
 def _steps(problem: EstimationProblem, since: Array, jump: Array) -> Sensitivity:

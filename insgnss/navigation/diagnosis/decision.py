@@ -297,7 +297,7 @@ def _beside_arm(search: ErrorModelSearch, posed: Posed, state: Stage) -> Candida
     if lag.evidence > 0.0:
         return lag.evidence, lambda: _corrected(state, lag)
     shared = (lag.shared_error(state.solution, adopted=False),)
-    sentence = f"in the covariance, as a rival of the lever arm that is estimated: {lag.sentence}"
+    sentence = f"the covariance allows for a rival of the estimated lever arm: {lag.sentence}"
     return 0.0, lambda: state.after_trial([BESIDE_ARM], sentence=sentence, shared=shared)
 
 
@@ -311,8 +311,8 @@ def _beside_offset(
         return None
     offset, sigma = constant(state.solution, state.solution.problem.layout.offset)
     sentence = (
-        f"the stamps of the fixes lack {1e3 * offset:+.1f} +- {1e3 * sigma:.1f} ms, which is"
-        f" corrected; a rate of their clock of {1e6 * rate:.0f} ppm is allowed for as well"
+        f"the time stamps of the fixes were early by {1e3 * offset:+.1f} +- {1e3 * sigma:.1f} ms, "
+        f"which is corrected; a clock rate of {1e6 * rate:.0f} ppm is allowed for as well"
     )
     return state.after_trial([BESIDE_OFFSET], (), sentence, (solution, model))
 

@@ -105,11 +105,11 @@ def hidden_drift(
     k, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     time = float(np.abs(before.problem.inc.marks[before.separation_epoch[k]]))
     return Question("drift", f"below {PARTED_SIGMAS:g} sigmas").note(
-        "before larger errors were adopted forward and backward disagreed by"
-        f" {ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]}"
-        f" {NED_LETTERS[int(column) % 3]} at TOW {time:.1f} s, and agreed elsewhere: about then"
-        " the fixes or the IMU drifted for seconds or minutes, which the adopted noise covers"
-        " only on average",
+        "before larger errors were adopted forward and backward disagreed by "
+        f"{ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]} "
+        f"{NED_LETTERS[int(column) % 3]} at TOW {time:.1f} s, and agreed elsewhere. The fixes or "
+        "the IMU drifted at this time for seconds or minutes, which the adopted noise covers only "
+        "on average",
         "look at the quality of the fixes there; do not rely on the sigmas of images near it",
     )
 
@@ -179,13 +179,13 @@ class SlowBiasCandidate:
         )
         remedy = "let the IMU warm up before take-off, and keep sun and wind off it"
         if slow.course == "decay":
-            course = f"warms up over about {slow.time_s:.0f} s: its biases change"
+            course = f"warms up over about {slow.time_s:.0f} s, and the biases change"
             minutes = SETTLED_TIMES * slow.time_s / 60.0
             remedy = f"switch the IMU on {minutes:.1f} minutes or more before take-off"
         elif slow.course == "drift":
-            course = "changes its temperature: its biases drift linearly"
+            course = "changes its temperature, and the biases drift linearly"
         else:
-            course = "is not compensated for its temperature: its biases follow that"
+            course = "is not compensated for temperature, and the biases follow it"
         return Question("IMU warm-up", AS_MODELLED).note(
             f"the IMU {course} by up to {gyro} and {accel} in the flight, log evidence"
             f" {self.evidence:.0f}; estimated, and the sigmas of the images allow for it",

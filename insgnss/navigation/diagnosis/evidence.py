@@ -15,7 +15,7 @@ solution is wrong.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -146,6 +146,9 @@ class ErrorModelSearch:
     exposures: bool = False
     claims: FixClaims = NO_CLAIMS
     drafted: bool = False
+    _latest: list[tuple[tuple[object, ...], Solution | None]] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )  # request and outcome of `solved`, one at most
 
     @property
     def requested_model(self) -> ErrorModel:
@@ -182,12 +185,22 @@ class ErrorModelSearch:
         return followed_constants(problem, wide)
 
     def solved(self, posed: Posed, model: ErrorModel) -> Solution | None:
-        """Solve again with another error model; None where there is no solution."""
-        again = widened(*posed, self.layout(model))
+        """Solve again with another error model; None where there is no solution.
+
+        The evidence of a hypothesis and its adoption may ask for the same one after the other.
+        """
+        problem, start = posed
+        if self._latest:
+            (of_problem, of_start, of_model), solution = self._latest[0]
+            if of_problem is problem and of_start is start and of_model == model:
+                return solution
+        again = widened(problem, start, self.layout(model))
         try:
-            return solve(*again, self.second_pass, self.progress)
+            solution = solve(*again, self.second_pass, self.progress)
         except DataError:
-            return None
+            solution = None
+        self._latest[:] = [((problem, start, model), solution)]
+        return solution
 
     def misfit_of(self, posed: Posed, model: ErrorModel) -> float:
         """Return `misfit` of one pass with another error model; infinite without a solution.
@@ -399,8 +412,8 @@ def check_turn_on(noise: NoiseModel) -> Finding:
     """
     missing = " and ".join(without_turn_on(noise))
     finding = (
-        f"noise model {noise.name} without turn_on_bias of {missing}: constant biases are taken "
-        "for zero"
+        f"noise model {noise.name} has no turn_on_bias of {missing}, so constant biases are taken "
+        "as zero"
     )
     return Question("turn-on bias", "turn_on_bias of gyro and accel").note(finding, TURN_ON_ADVICE)
 

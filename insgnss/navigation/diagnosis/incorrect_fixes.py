@@ -72,7 +72,7 @@ STEP_SIGMAS = 3.0  # of what the fixes claim, below which a step is none: code s
 # what is done with spells
 LEFT_OUT = "they are left out"
 AS_FLOAT = "they are used as float solutions, with an error of that size that decays"
-ENLARGED = "no data show which of the two levels is right: the covariance there has the step"
+ENLARGED = "no data show which level is right, so the covariance includes the step"
 PASSES = 4  # of the filter, each of which may show further steps
 # of float solutions that claim to be fixed
 CONVERGING_S = (5.0, 7.0, 10.0, 14.0, 20.0, 28.0, 40.0, 56.0, 80.0)  # s, T of (S.2)
@@ -483,8 +483,8 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[FixSpell, ...], do
         for s in spells
     )
     check = Question("incorrect fixes", "one level throughout").note(
-        "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
-        f" {some(each, 5, '; ')}; {done}",
+        "fixes jump against those before and after, as with an incorrect ambiguity fix: "
+        f"{some(each, 5, '; ')}; {done}",
         "see the quality of the PPK solution there",
     )
     return replace(

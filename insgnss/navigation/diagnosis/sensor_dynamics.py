@@ -211,7 +211,7 @@ DYNAMICS = (
         -np.inf,
         with_earlier_gyros,
         delay_in_words,
-        "give both the same filter in the IMU's settings, or move the gyro columns of the file",
+        "set the same filter for gyros and accelerometers in the IMU, or shift the gyro columns",
     ),
     SensorDynamics(
         "receiver dynamics",
@@ -232,7 +232,7 @@ DYNAMICS = (
         -np.inf,
         without_load_bias,
         load_bias_in_words,
-        "mount the IMU softer: vibration that grows in turns shifts the accelerometers",
+        "mount the IMU softer, as vibration that grows in turns biases the accelerometers",
     ),
 )
 

@@ -423,7 +423,7 @@ class SmoothedCovariances:
             return self.kept[slot]
         if self.again is None:
             raise ValueError(
-                "the increments were not kept: covariances exist only at Solution.rows"
+                "the increments were not kept, so covariances exist only at Solution.rows"
             )
         out = np.empty((wanted.size, self.kept.shape[1]))
         out[kept] = self.kept[slot[kept]]

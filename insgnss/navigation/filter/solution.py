@@ -314,7 +314,7 @@ def solve(
     passes.filter(about is None, follower)
     if _gives_linearisation(passes.problem, history.sigma):
         passes.problem, _ = linearised_about(passes.problem, history.nav, history.x)
-        progress("filter, with the measurements linearised about the flight without them")
+        progress("filter, with the sensors linearised about the solution without them")
         passes.filter()
     count = 1
     while True:
@@ -359,9 +359,9 @@ def _refuse_unsettled(problem: EstimationProblem, change: float) -> None:
     if change > UNSETTLED:
         names = ", ".join(one.measurement.name for one in problem.measurements)
         raise DataError(
-            f"measurements {names}: after {MAX_PASSES} passes their prediction still moves by"
-            f" {change:.2g} standard deviations from one to the next; check that `predict` is a"
-            " smooth function of the motion, the values and their sigmas"
+            f"measurements {names}: after {MAX_PASSES} filter passes the prediction still changes "
+            f"by {change:.2g} standard deviations per pass; check that `predict` is a smooth "
+            "function of the motion, the values and their sigmas"
         )
 
 

@@ -270,9 +270,9 @@ def contradicting_sensor(problem: EstimationProblem, alone: Solution, spell: str
     """
     worst = max(explain_sensors(problem, alone), key=lambda one: one.before)
     return Question("measurements", "as the flight without this sensor predicts").contradiction(
-        f"{worst.sensor} contradicts the flight solved without it: its values scatter"
-        f" {worst.before:.2g} times as much as their sigmas say{spell}{worst.sentence()}",
-        "check its stamps, units, signs, lever arm and what it measures, or leave it out",
+        f"{worst.sensor} contradicts the flight solved without this sensor: the values scatter "
+        f"{worst.before:.2g} times as much as their sigmas state{spell}{worst.sentence()}",
+        "check time stamps, units, signs, lever arm and kind of the sensor, or leave it out",
     )
 
 
@@ -283,7 +283,7 @@ def _check(problem: EstimationProblem, alone: Solution, spells: list[ValueSpell]
     causes = "".join(one.sentence() for one in explain_sensors(problem, alone, names))
     more = f" and {len(spells) - MOST_SPELLS_NAMED} more" if len(spells) > MOST_SPELLS_NAMED else ""
     return Question("measurements", "one level throughout").note(
-        "for seconds, values differ from the flight solved without these sensors:"
-        f" {'; '.join(texts)}{more}; they are left out{causes}",
-        "look for what disturbed the sensor there: iron or currents, reflections, slip",
+        "some seconds of values contradict the flight solved without these sensors: "
+        f"{'; '.join(texts)}{more}; they are left out{causes}",
+        "look for a disturbance of the sensor there, such as iron, currents, reflections, slip",
     )

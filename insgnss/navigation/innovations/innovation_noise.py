@@ -324,8 +324,8 @@ def _untold(theta: float, sigma: float, minutes: float) -> str:
     if sigma > KNOWN_SIGMA and abs(theta) < ONE_SIGMAS * sigma:
         factor = np.exp(min(sigma, 9.0))
         return (
-            f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {factor:.2f} only"
-            f" (limit {np.exp(KNOWN_SIGMA):.2f}){longer}"
+            f"the likelihood gives {np.exp(theta):.2f}, but only within a factor of {factor:.2f} "
+            f"(limit {np.exp(KNOWN_SIGMA):.2f}){longer}"
         )
     return ""
 

@@ -70,8 +70,8 @@ def in_frame(
         raise UsageError(f"frame {kind!r}: a CRS belongs to a projected frame, and to no other")
     if ground_m is not None and projection is None:
         raise UsageError(
-            f"frame {kind!r}: only heights in a projected CRS are scaled; leave the ground's"
-            " height out"
+            f"frame {kind!r}: heights are scaled only in a projected CRS; leave the height of the "
+            "ground out"
         )
     if ground_m is not None and not np.isfinite(ground_m):
         raise UsageError(f"ground {ground_m:g} m is no height")

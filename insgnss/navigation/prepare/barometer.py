@@ -10,6 +10,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...records import Array, BarometerHeights, GnssFixes, ImuSamples
+from .clock import common_span, unit_of_stamps
 
 # over which heights are averaged (s): gusts and propellers err alike for about as long
 AVERAGING_S = 1.0
@@ -45,11 +46,14 @@ def levelled(barometer: BarometerHeights, fixes: GnssFixes, lo: float, hi: float
     return np.column_stack([means[0], means[1] + np.median(of_fixes - means[1])])
 
 
-def refuse_apart(barometer: BarometerHeights, imu: ImuSamples) -> None:
-    """Raise InputError where a barometer and the IMU share no time."""
+def refuse_apart(barometer: BarometerHeights, imu: ImuSamples, fixes: GnssFixes) -> None:
+    """Raise InputError where a barometer and the IMU share no time: of the IMU, if it is alone."""
     if barometer.time[-1] < imu.time[0] or barometer.time[0] > imu.time[-1]:
+        common_span(imu, fixes, None, None)
+        apart = unit_of_stamps(barometer.time, imu.time, "heights", "samples")
         raise InputError(
             f"{barometer.source}: heights from {barometer.time[0]:.1f} to {barometer.time[-1]:.1f}"
             f" s, {imu.source}: samples from {imu.time[0]:.1f} to {imu.time[-1]:.1f} s of week"
-            f" {imu.gps_week}: they do not overlap; check barometer.time_offset_s and gps_week"
+            f" {imu.gps_week}: they do not overlap{apart}; check barometer.time_offset_s and"
+            " gps_week"
         )

@@ -161,8 +161,8 @@ def _off_identity(matrix: Array) -> str:
     if far <= OFF_IDENTITY:
         return ""
     return (
-        f"differs from identity by {100 * far:.0f} % (limit {100 * OFF_IDENTITY:.0f} %); axes and"
-        " units belong into the flight file"
+        f"differs from identity by {100 * far:.0f} % (limit {100 * OFF_IDENTITY:.0f} %); state "
+        "axes and units in the flight file instead"
     )
 
 
@@ -210,7 +210,7 @@ def _triad(table: OptionTable, sensor: str) -> TriadCalibration:
     if "matrix" in table.data:
         if beside := [key for key in ("scale_factor", "misalignment") if key in table.data]:
             raise table.error(
-                "matrix", f"is given beside {' and '.join(beside)}; it replaces them, keep one"
+                "matrix", f"is given with {' and '.join(beside)}, which it replaces; keep one"
             )
         matrix = table.matrix("matrix")
         if fault := _off_identity(matrix):

@@ -1,14 +1,17 @@
-"""One clock for all sensors: seconds of one GPS week, and the span that IMU and GNSS share."""
+"""One clock for all sensors: seconds of one GPS week, and the span that two of them share."""
 
 import numpy as np
 
 from ...base.errors import DataError, InputError
 from ...geodesy.gpstime import LEAST_WEEKS_APART_S, weeks_apart
-from ...records import GnssFixes, ImuSamples
+from ...records import Array, GnssFixes, ImuSamples
 
 NO_WEEK = 0  # in the place of a week that nothing gives; no flight file may hold it
 # that IMU and GNSS share (s): the shortest window of the coarse alignment
 SHORTEST_OVERLAP_S = 10.0
+# ratio: a recording of a flight that lasts so much longer than another has stamps of another unit;
+# units that are mistaken for each other differ by 10 and more, loggers run on for less (chosen)
+UNITS_APART = 8.0
 
 
 def common_week(
@@ -78,10 +81,11 @@ def common_span(
         distance = float(gnss.time[0] + gnss.time[-1] - imu.time[0] - imu.time[-1]) / 2.0
         slack = float(gnss.time[-1] - gnss.time[0] + imu.time[-1] - imu.time[0]) / 2.0
         if slack < LEAST_WEEKS_APART_S and (weeks := weeks_apart(distance, slack)):
-            raise InputError(f"{spans}: they are {weeks} apart; give all times as of one week")
+            raise InputError(f"{spans}: they are {weeks} apart; give all times in one week")
         raise InputError(
-            f"{spans}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
-            " time_offset_s, seconds against milliseconds"
+            f"{spans}: they do not overlap{unit_of_stamps(imu.time, gnss.time, 'samples', 'fixes')}"
+            "; check gps_week, the day, start_tow and end_tow, time_offset_s, or let `insgnss"
+            " inspect` find how their clocks differ"
         )
     length = inside[-1] - inside[0] if inside.size else 0.0
     if inside.size < 2 or length < SHORTEST_OVERLAP_S:
@@ -91,6 +95,33 @@ def common_span(
             " give the whole recordings, or check their clocks"
         )
     return float(inside[0]), float(hi)
+
+
+def unit_of_stamps(time: Array, other: Array, name: str, others: str) -> str:
+    """Say which unit of the stamps of two recordings would make them last alike.
+
+    Parameters
+    ----------
+    time, other : ndarray, shape (n,) and (k,), s
+        Stamps of both.
+    name, others : str
+        What each recording holds, such as "samples" and "fixes".
+
+    Returns
+    -------
+    str
+        A clause of a message; empty where they last alike within `UNITS_APART`.
+    """
+    lengths_s = [float(stamps[-1] - stamps[0]) for stamps in (time, other)]
+    if min(lengths_s) <= 0.0 or max(lengths_s) < UNITS_APART * min(lengths_s):
+        return ""
+    ratio = lengths_s[0] / lengths_s[1]
+    longer = f"{ratio:.4g} times as long as" if ratio > 1.0 else f"1/{1.0 / ratio:.4g} as long as"
+    return (
+        f", and the {name} last {longer} the {others}: if both are whole recordings of one flight,"
+        f" units.time of the {name} is to be {1.0 / ratio:.4g} times what it is, or that of the"
+        f" {others} {ratio:.4g} times (25.6: counts of 39.0625 us taken for 1 ms)"
+    )
 
 
 def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:

@@ -160,8 +160,8 @@ def static_span(
     lo, hi = (int(k) for k in np.searchsorted(time, [skip_s - 1e-9, skip_s + keep_s - 1e-9]))
     if hi - lo < 2:
         raise DataError(
-            f"{imu.source}: nothing from {skip_s:g} s on; the recording is {time[-1]:.1f} s long;"
-            " skip less"
+            f"{imu.source}: no samples from {skip_s:g} s on, as the recording is {time[-1]:.1f} s "
+            "long; skip less"
         )
     first, last, whole = _unbroken(time, lo, hi, nominal, bridge_s)
     cells = _places(time[first:last], nominal)
@@ -202,8 +202,8 @@ def _rate(time: Array, nominal: float) -> Finding:
     finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
     if bunches := in_bunches(time, nominal):
         advice = (
-            "the stamps come in bunches: leave their column out and give the sensor's rate"
-            " (--columns, --rate)"
+            "time stamps come in bunches; leave their column out and give the sampling rate "
+            "(--columns, --rate)"
         )
         return ask.contradiction(f"{finding}; {bunches}", advice)
     return ask.ok(finding)
@@ -254,7 +254,7 @@ def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
     """Check for stuck channels, rails and rounding."""
     ask = Question("constant channel", f"no channel constant for over {STUCK_S:.0f} s")
     if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
-        advice = "the sensor is dead, its column is wrong, or its driver hides small values"
+        advice = "the sensor is dead, the column is wrong, or the driver hides small values"
         return [ask.contradiction("; ".join(stuck), advice)]
     checks = [ask.ok("every channel alive")]
     size = max(LEAST_IN_BLOCK, round(MOMENT_BLOCK_S * rate))
@@ -270,7 +270,7 @@ def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
         hidden = min(coarse.values()) < ROUNDED
         advice = "the white noise found contains the rounding"
         if hidden:
-            advice = "the rounding hides the noise: record with a finer range"
+            advice = "rounding hides the noise; record with a finer resolution"
         scattering = Question("rounding", f"samples scatter by {FINE_STEPS} steps and more")
         checks.append(scattering.against(finding, advice, hidden))
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
@@ -321,8 +321,8 @@ def _units(gyro: Array, accel: Array, whole: bool) -> Finding:
     if rate > MAX_BIAS:
         return ask.contradiction(
             finding,
-            "the sensor turns, or its unit is wrong: record at rest, or give --gyro-unit (deg/s, or"
-            " the size of one count)",
+            "the sensor turns, or the unit is wrong; record at rest, or give --gyro-unit (deg/s, "
+            "or the value of one count)",
         )
     return ask.ok(finding)
 
@@ -337,8 +337,8 @@ def _earth_rate(gyro: Array) -> list[Finding]:
         return []
     per_hour = 3600.0 * np.degrees([mean, EARTH_RATE, np.degrees(mean)])
     advice = (
-        "fine if the sensor subtracts its mean at the start; otherwise the values are of a"
-        f" larger unit, rad/s taken for deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
+        "nothing to do if the sensor subtracts its mean at the start; else the unit is larger, "
+        f"rad/s read as deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
     )
     least, earth = LEAST_EARTH * per_hour[1], per_hour[1]
     ask = Question("Earth's rate", f"{least:.3g} deg/h and more: the Earth turns by {earth:.4g}")
@@ -388,9 +388,9 @@ def _at_rest(
         in_degrees = gyro.std(axis=0).max() > MAX_GYRO and accel.std(axis=0).max() < MAX_ACCEL
         unit = ", and the rates look like deg/s: --gyro-unit deg/s" if in_degrees else ""
         advice = (
-            "a moving sensor shows its motion, not its noise: give a recording at rest, or cut one"
-            " out with --skip and --keep; if it was at rest, check the units: it scatters by"
-            f" {scatter}{unit}"
+            "a moving sensor shows motion, not noise; give a recording at rest, or cut one out "
+            "with --skip and --keep. If the sensor was at rest, check the units: the scatter is "
+            f"{scatter}{unit}"
         )
         finding = f"at rest for {share:.0%} of the time{_longest(periods, begin)}"
         return (), ask.contradiction(finding, advice)

@@ -167,8 +167,8 @@ def _compare_axes(
         return ask.note(
             statement,
             Step(
-                "nothing to do if {imu.axes} was read off the sensor: its motion does not show"
-                " which axis is forward"
+                "nothing to do if {imu.axes} was read off the sensor, as its motion does not show "
+                "the forward axis"
             ),
         )
     sure = finding.confidence > SURE_OF_EXCHANGE
@@ -176,8 +176,8 @@ def _compare_axes(
     if sure:
         return ask.contradiction(statement, Step("the data look like {}", axes))
     advice = Step(
-        "if it flew nose first, set {}, since all images are turned now; if it flew sideways or"
-        " backwards, do nothing",
+        "if the drone flew nose first, set {}, since all images are turned now; if it flew "
+        "sideways or backwards, do nothing",
         axes,
     )
     return ask.note(statement, advice)
@@ -225,8 +225,8 @@ def _compare_sign(recognition: Recognition, accel_sign: int) -> Finding:
     if recognition.accel_sign > 0:
         return ask.ok(statement)
     advice = Step(
-        "the accelerometers report the reverse: {}; or latitude and longitude are exchanged, or one"
-        " of them has the wrong sign",
+        "the accelerometers report the reversed specific force: {}; or latitude and longitude are "
+        "exchanged, or one has the wrong sign",
         SetKey("imu.accel_sign", -accel_sign),
     )
     return ask.against(statement, advice, finding.confidence > SURE_OF_EXCHANGE)
@@ -242,14 +242,13 @@ def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
     if abs(offset) < max(3.0 * sigma, REPORTED_OFFSET_S):
         return ask.ok(statement)
     set_to = SetKey("gnss.time_offset_s", round(time_offset_s + offset, 3))
-    advice = Step("{} would put the fixes on the IMU's clock", set_to)
+    advice = Step("{} would bring the fixes to the IMU's clock", set_to)
     if weeks := weeks_apart(offset):
         sense = "behind" if offset > 0.0 else "ahead of"
         statement = f"the fixes are {weeks} {sense} the IMU: {statement}"
         whole = time_offset_s + WEEK_S * round(offset / WEEK_S)
         advice = Step(
-            "the times of one of them are of another week, or count from another one: give both as"
-            " times of one week; {} would do it",
+            "IMU and fixes have times of different weeks; give both in one week, such as by {}",
             SetKey("gnss.time_offset_s", round(whole, 1)),
         )
     if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):

@@ -116,17 +116,17 @@ def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array)
     off = np.degrees(np.arctan2(np.sin(off), np.cos(off)))
     median = float(np.degrees(np.angle(np.mean(np.exp(1j * np.radians(off))))))
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
-    finding = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
+    finding = f"median {median:.1f} deg, half of the values within {scatter:.1f} deg"
     if abs(np.mean(np.exp(1j * course))) > ONE_COURSE:
         return ask.note(
-            f"{finding}, all on one course, which does not determine the axes",
+            f"{finding}, but a single course does not determine the axes",
             when=abs(median) > 30.0,
         )
     ahead = np.array([np.cos(np.radians(median)), -np.sin(np.radians(median)), 0.0])
     if abs(median) > 60.0 and _leans(time, C_nb, velocity_ned, ahead):
         return ask.note(
-            f"{finding}; it leans to change its speed, as a multirotor, which may fly sideways or"
-            " backwards"
+            f"{finding}; the drone leans to change its speed, like a multirotor, which may fly "
+            "sideways or backwards"
         )
     if abs(median) > 60.0 and scatter < 30.0:
         quarter = round(median / 90.0)
@@ -158,8 +158,7 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Finding:
         finding += f", longest {longest:.3f} s"
     if bunches := in_bunches(imu.time, dt):
         advice = (
-            "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's"
-            " own clock"
+            "time stamps come in bunches, rounded or from the logger; use the sensor's own clock"
         )
         return ask.contradiction(f"{finding}; {bunches}", advice)
     return ask.note(finding, when=gaps)
@@ -349,7 +348,7 @@ def _gnss_position(gnss: GnssFixes) -> Finding:
     if (largest <= np.pi).all():  # nothing but sea, in either order of radians read as degrees
         exchanged = ", latitude and longitude exchanged," if largest[0] > 0.5 * np.pi else ""
         advice = Step(
-            "that is the Gulf of Guinea: the values look like radians ({}){} or are zeros",
+            "the position is in the Gulf of Guinea: values look like radians ({}){} or are zeros",
             *(SetKey("gnss.units", {"angle": "rad"}), exchanged),
         )
         return ask.contradiction(finding, advice)

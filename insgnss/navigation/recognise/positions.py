@@ -65,7 +65,7 @@ def check_velocity(gnss: GnssFixes) -> Finding:
     rows = _fast(mean[:, :2], LEAST_SPEED_MPS)
     moved = _displaced(gnss, pairs)
     advice = Step(
-        "one of them is wrong: check {gnss.columns} and their units, or leave velocities out"
+        "positions or velocities are wrong; check {gnss.columns} and units, or leave velocities out"
     )
     if rows.sum() < LEAST_DISPLACEMENTS:
         between = float(np.median(np.hypot(*(moved - mean)[:, :2].T)))

@@ -184,7 +184,7 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     gnss = replace(gnss, time=gnss.time + shift)
     relation = relate(grid, gnss, sound, force, reach)
     if relation is None:
-        why = "too few fixes or readings in common with GNSS, or gyros that show nothing"
+        why = "too few fixes or samples in common, or gyros without signal"
         return _abstained(force, per_sample, why)
     if relation.fit is None:
         why = (

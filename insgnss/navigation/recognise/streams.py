@@ -72,8 +72,8 @@ def check_classes(gnss: GnssFixes) -> list[Finding]:
         return []
     floors = ", ".join(f"{q.name.lower()} = {sigma}" for q, (_, sigma, _) in apart.items())
     advice = Step(
-        f"{{gnss.quality_sigma_m}} = {{{{ {floors} }}}} states how accurate they are; or leave"
-        " them out"
+        f"{{gnss.quality_sigma_m}} = {{{{ {floors} }}}} states how accurate these fixes are; or "
+        "leave them out"
     )
     expected = f"one path, within {NOTED_SIGMAS:.0f} sigmas in the median"
     finding = "; ".join(text for text, _, _ in apart.values())

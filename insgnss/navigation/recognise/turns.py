@@ -33,8 +33,8 @@ REPORTED_LAG_S, LAG_CORRELATION = 0.5, 0.9
 LAG_GAIN = 0.5
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
 STRANGERS = (
-    "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30"
-    " s apart)?"
+    "IMU and GNSS show no common turn; check that both are of one flight and day, and clocks "
+    "within 30 s"
 )
 NOSE = "the nose of the drone does not follow its course, so the turns do not show a time offset"
 # confidence of the forces in all answers, by which they overrule the turns (chosen)
@@ -286,7 +286,7 @@ def check_turns(
     common, squares = (float(np.sum(a[moving] * course_rate[moving])) for a in (gyro, course_rate))
     ratio = common / squares
     steady = abs(common) > STEADY_CORRELATION * np.sqrt(squares * float(np.sum(gyro[moving] ** 2)))
-    finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
+    finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no offset, {best:.2f} at {lag:+.1f} s"
     spacing = float(np.median(np.diff(gnss.time)))
     if steady and abs(here) < LEAST_TURN_CORRELATION:
         here = best = float(np.sign(ratio))
@@ -310,7 +310,7 @@ def check_turns(
         return ask.note(finding, NOSE)
     if of_clock and remedy != STRANGERS and 1.0 - rival**2 < RIVAL_MISFIT_RATIO * (1.0 - best**2):
         finding += f", and {rival:.2f} over {RIVAL_S:.0f} s from there"
-        return ask.note(finding, "the turns repeat themselves, so they do not show a time offset")
+        return ask.note(finding, "the turns repeat and do not show a time offset")
     if verdict == "contradiction" and not _reliable(gnss, grid, width):
         return ask.note(finding, "the fixes are too poor, or too few, to show turns")
     return ask.answer(finding, verdict, remedy)

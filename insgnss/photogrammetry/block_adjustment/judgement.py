@@ -125,7 +125,7 @@ def judged(
         beyond += [*_hidden(trials_made), *unnoticed(solved, trials_made, HIDDEN)]
         beyond += long_lever_arm(solved, figures, trials_made)
     findings = [*beyond, *_control(figures), *_rejected(figures), *_images(solved)]
-    findings += [*_mounting(figures, alike(trials_made)), *_weakly_held(figures)]
+    findings += [*_mounting(figures, alike(solved, trials_made)), *_weakly_held(figures)]
     findings += [*_lever_arm(solved), *_correlations(figures)]
     findings += [] if solved.inputs.unchecked is None else [solved.inputs.unchecked]
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))

@@ -22,7 +22,7 @@ from ...records.block import Array
 from ...report.rules.wording import screen_unit
 from ..adjust.adjustment import Adjusted, adjusted
 from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY, AerialControl
-from ..adjust.groups import ObservationGroup, PointObservation
+from ..adjust.groups import ObservationGroup
 from ..adjust.kinematic import VEHICLE_CLOCK
 from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
@@ -41,70 +41,24 @@ from .parameters import (
     VEHICLE_PARAMETERS,
     BlockParameter,
 )
+from .residuals.ground_shift import CONTROL_SHIFT, ShiftedPoint
 from .solve import AdjustedBlock, ground_groups, groups_of
 from .solve import solved as adjusted_block
 from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
 
 INTERIOR_ORIENTATION = "interior orientation"
-CONTROL_SHIFT: Key = ("shift of ground control", 0)
 GAIN_CHANCE = 0.9999  # of chi-square that the fall of the cost must exceed: 1 in 10 000 by chance
 GAIN_SHARE = 1.0 / 3.0  # of the cost that is too much, which an explanation takes away (chosen)
 RIVAL_GAIN = 0.8  # of the gain of the best explanation, from which on another one is a rival
 CONVERGED_VARIANCE = 9.0  # of a group that is no image's: beyond three sigmas the trial is wrong
 FEWEST_LINES, FEWEST_OF_LINE = 3, 3  # of two lines none is the wrong one; two images are no line
 LEAST_SIGMA_M = 1e-4  # of a projection centre: of held ones no share of zero is taken
-ALIKE_GAIN = 16.0  # squares of sigmas, by which the cost of causes differs that look alike (chosen)
+LONGEST_ARM_M = 5.0  # from camera to antenna (m), of crewed aircraft; what is longer is no arm
 COVERED_SIGMAS = 4.0  # of a projection centre, within which an error is covered by them
 DRIVING_MPS = 0.1  # of a vehicle (median) whose clock its places show (chosen)
 OTHER_DATUM = "check CRS, heights (geoid or ellipsoid), antenna heights of base and drone"
 OF_TIE_POINTS = "adjust the tie points in mode iso, and take the camera.toml that it writes"
-
-
-@dataclass(frozen=True, eq=False)
-class ShiftedPoint:
-    """Coordinates of a point, observed with the shift that all ground points share.
-
-    Parameters
-    ----------
-    group : PointObservation
-        The observation without the shift.
-    """
-
-    group: PointObservation
-
-    @property
-    def name(self) -> str:
-        """Name of the variance component."""
-        return self.group.name
-
-    @property
-    def keys(self) -> tuple[Key, ...]:
-        """The point and the shift."""
-        return (*self.group.keys, CONTROL_SHIFT)
-
-    @property
-    def weight(self) -> Array:
-        """Inverse of the covariance of the coordinates, (3, 3)."""
-        return self.group.weight
-
-    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
-        """Linearise the group; see `ObservationGroup.linearised`.
-
-        Parameters
-        ----------
-        values : Unknowns
-            Where it is linearised.
-
-        Returns
-        -------
-        e : ndarray, (m,)
-            Observed - computed.
-        J : ndarray, (m, d)
-            d computed / d unknown.
-        """
-        e, J = self.group.linearised(values)
-        return e - values.blocks[CONTROL_SHIFT], np.hstack([J, np.eye(3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +83,8 @@ class Trial:
         By how many of its standard deviations it moves a projection centre, of that and the axis
         where it does most.
     in_place_of_arm : Trial, optional
-        The same in the place of a lever arm that nobody states; it `explains` where that arm fits
-        hardly better.
+        The same in the place of a lever arm that nobody states; its gain is that over neither of
+        both, and it `explains` where it differs from zero.
     """
 
     name: str
@@ -212,7 +166,7 @@ def trials(
         try:
             done.append(_trial_of(solved, remedy, excess))
         except DataError:
-            continue  # it is not determined, so that it explains nothing
+            continue  # it is not determined, or impossible, so that it explains nothing
     if (readout := _readout(solved, excess, progress)) is not None:
         done.append(readout)
     chosen = {}
@@ -452,7 +406,11 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
     sigma = np.sqrt(np.diagonal(cov))
     if alone:
         gain = float(value @ np.linalg.solve(cov, value))
+        if key[0] == CAMERA_LEVER_ARM:
+            gain -= gain_of_arm(solved)  # which the solution has already
         excess = 0.0 if len(_without_rays(again.problem)) < GAIN_SHARE * len(alone) else np.inf
+    if key[0] == CAMERA_LEVER_ARM and np.linalg.norm(value) > LONGEST_ARM_M:
+        raise DataError(f"no lever arm is longer than {LONGEST_ARM_M:g} m")
     trial = Trial(
         remedy.name,
         float(gain),
@@ -465,7 +423,23 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
     )
     if not arm:
         return trial
-    return replace(trial, in_place_of_arm=_without_arm(trial, again.values.blocks[arm[0]], joint))
+    instead = _without_arm(trial, again.values.blocks[arm[0]], joint)
+    return replace(trial, in_place_of_arm=replace(instead, gain=instead.gain + gain_of_arm(solved)))
+
+
+def gain_of_arm(solved: AdjustedBlock) -> float:
+    """Return by how much a lever arm that nobody states lowers the cost; zero where it is stated.
+
+    Parameters
+    ----------
+    solved : AdjustedBlock
+        The adjusted block.
+    """
+    arm: Key = (CAMERA_LEVER_ARM, 0)
+    if solved.inputs.file.aerial_control.lever_arm_sigma_m != UNSTATED_ARM_M:
+        return 0.0
+    arm_m = solved.result.values.blocks[arm]
+    return float(arm_m @ np.linalg.solve(solved.precision.cov(arm), arm_m))
 
 
 def _unstated_arm(again: Adjusted, remedy: _LeftOut) -> tuple[Key, ...]:
@@ -489,9 +463,8 @@ def _without_arm(trial: Trial, arm_m: Array, joint: Array) -> Trial:
     value = trial.value - Q_xa @ np.linalg.solve(Q_aa, arm_m)
     cov = joint[:n, :n] - Q_xa @ np.linalg.solve(Q_aa, Q_xa.T)
     sigma = np.sqrt(np.diagonal(cov))
-    shown = (np.abs(value) > SIGNIFICANT_SIGMAS * sigma).any()
-    as_good = bool(shown and gain > -ALIKE_GAIN)
-    return replace(trial, gain=gain, value=value, sigma=sigma, explains=as_good)
+    shown = bool((np.abs(value) > SIGNIFICANT_SIGMAS * sigma).any())
+    return replace(trial, gain=gain, value=value, sigma=sigma, explains=shown)
 
 
 def _without_rays(problem: Problem) -> list[int]:

@@ -9,6 +9,7 @@ import numpy as np
 from ...base.errors import DataError, InputError
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.ground_points import read_ground_points
+from ...io.formats.blocks.joined import matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.returned.crs import stated_crs
 from ...records.block import Array, BrownCamera
@@ -74,10 +75,7 @@ def intersected(
         Its rays do not meet before the cameras.
     """
     observed = block.measured.observations
-    row_by_image = {image: k for k, image in enumerate(poses.images)}
-    pose = np.array([row_by_image.get(image, -1) for image in block.measured.images])[
-        observed.image
-    ]
+    pose = matched(block.measured.images, poses.images)[observed.image]
     use = (observed.point == block.measured.points.index(name)) & (pose >= 0)
     if use.sum() < 2:
         return None

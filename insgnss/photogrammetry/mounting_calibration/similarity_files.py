@@ -291,10 +291,11 @@ def _with_correlation(
     """
     if result.variance_factor < OPTIMISTIC:
         rms = float(np.sqrt((result.residual_m**2).mean()))
-        usual = float(np.sqrt(np.median(np.trace(poses.antenna_cov, axis1=1, axis2=2)) / 3.0))
+        factor = 1.0 / np.sqrt(result.variance_factor)
         notes += (
-            f"residuals of {rms:.2g} m rms are smaller than the antenna's standard deviations"
-            f" say ({usual:.2g} m), which seem to be a default setting; give --antenna-sigma",
+            f"residuals of {rms:.2g} m rms are {factor:.1f} times smaller than the standard"
+            " deviations of poses and antenna positions allow; the standard errors are too large by"
+            " as much: state those of the antenna (--antenna-sigma), or correct those of the poses",
         )
     rho, growth = neighbour_correlation(result.residual_m), _growth(result)
     if not (rho > 0.0).any():

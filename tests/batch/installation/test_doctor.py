@@ -150,7 +150,7 @@ def test_the_cache_of_kernels_is_told_with_whether_it_can_be_written(tmp_path, m
     assert "cannot be written" in bad.found
     assert "set NUMBA_CACHE_DIR" in bad.advice
     (none,) = kernel_findings(lambda: None)
-    assert "interpreted" in none.found
+    assert "interprets" in none.found
 
 
 def test_grids_are_counted_in_the_directories_of_proj(tmp_path, monkeypatch):
@@ -222,7 +222,7 @@ def test_doctor_prints_a_line_a_thing_and_ends_with_code_0(looked, capsys):
         "  note  cache   here; set it",
         "ppk",
         "  ok    engine  none",
-        "insgnss works here; of 3 lines 2 ok, 1 of notes, 0 not known, 0 wrong",
+        "insgnss works here; 3 lines: 2 ok, 1 notes, 0 unknown, 0 wrong",
     ]
     assert main(["doctor", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -249,7 +249,7 @@ def test_a_core_that_fails_is_code_1_and_one_line_after_all_others(looked, capsy
         "  WRONG loading  fails: ModuleNotFoundError: No module named 'numba'; see" in streams.out
     )
     last = streams.out.splitlines()[-1]
-    assert last.endswith("here; of 3 lines 2 ok, 0 of notes, 0 not known, 1 wrong")
+    assert last.endswith("here; 3 lines: 2 ok, 0 notes, 0 unknown, 1 wrong")
     assert streams.err.count("\n") == 1
     assert streams.err.startswith("insgnss: error: loading: fails: ModuleNotFoundError")
     assert main(["doctor", "--json"]) == 1

@@ -101,7 +101,7 @@ def test_too_few_flights_or_one_time_say_nothing() -> None:
     """Oracle: seven flights that drift wildly, eight on one day."""
     few = [row(k, lever_arm_forward_m=0.1 * k) for k in range(FEWEST_FLIGHTS - 1)]
     assert {trend.finding for trend in trends(few)} == {"too few"}
-    assert "7 of the 8 flights that a trend needs" in trends(few)[0].sentence()
+    assert "7 flights, and a trend needs 8" in trends(few)[0].sentence()
     date = row(0)["date_utc"]
     same = [row(k, lever_arm_forward_m=0.1 * k, date_utc=date) for k in range(FEWEST_FLIGHTS)]
     assert {trend.finding for trend in trends(same)} == {"one time"}

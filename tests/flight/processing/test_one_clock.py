@@ -69,7 +69,7 @@ def test_the_clock_of_a_sensor_leaves_products_as_they_are(sim, right, case):
     assert np.abs(result.eo.position_m - right.eo.position_m).max() < 2e-4
     assert np.abs(result.trajectory.time - right.trajectory.time).max() < 5e-4
     assert np.abs(result.trajectory.height - right.trajectory.height).max() < 2e-4
-    said = "onto GPST, the clock of the fixes" in " ".join(result.report["history"])
+    said = "to GPST, the clock of the fixes" in " ".join(result.report["history"])
     assert said is ("gnss__time_offset_s" in keys)
 
 

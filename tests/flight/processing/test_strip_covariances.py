@@ -64,7 +64,7 @@ def test_strips_of_two_segments(sim):
     assert any(t[-1] < GAP_S[0] for t in times)
     assert any(t[0] > GAP_S[1] for t in times)
     images = sum(strip.rows.size for strip in result.strips)
-    said = f"covariance of all poses of each of {len(result.strips)} strips, {images} of "
+    said = f"full pose covariances of {len(result.strips)} strips with {images} of "
     assert [line for line in result.eo.history if line.startswith(said)]
 
 

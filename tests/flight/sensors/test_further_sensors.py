@@ -66,7 +66,7 @@ def test_a_wrong_sign_is_a_contradiction(dataset):
         (
             "position",
             {"station": [STATION[0] - 5e-6, *STATION[1:]]},
-            r"station north of 0\.5.* m by this flight, stated 0 \+- 0\.02",
+            r"station north is 0\.5.* m by this flight, but 0 \+- 0\.02",
         ),
     ],
 )
@@ -286,7 +286,7 @@ def test_an_odometer_has_a_scale_and_two_angles(tmp_path):
         ("heading", "tow,course\n1,2\n2,3\n", {"sigma": 1.0}, "does not name heading"),
         ("heading", "tow,heading,sd\n1,2,0.1\n2,3,0\n", {}, "x.csv:3: sigma_heading 0 deg"),
         ("body_velocity", "tow,speeds\n1,2\n2,3\n", {"sigma": 1.0}, "no column out of forward"),
-        ("heading", "tow,heading\n1,2\n", {"scale_sigma": 0.1}, "scale_sigma: is not read by kind"),
+        ("heading", "tow,heading\n1,2\n", {"scale_sigma": 0.1}, "scale_sigma: is not used by kind"),
         (
             "baseline",
             "tow,n,e,d\n1,2,3,4\n2,2,3,4\n",

@@ -106,7 +106,7 @@ WRONG = {
     ),
     "magnetometer disturbed": (
         *("magnetometer", disturbed, 0.4, OF_FIELD),
-        "values differ from the flight solved without these sensors: magnetometer",
+        "values contradict the flight solved without these sensors: magnetometer",
     ),
     "magnetometer disturbed a little": (
         *("magnetometer", lambda p: disturbed(p, 3.0), 0.4, OF_FIELD),
@@ -118,7 +118,7 @@ WRONG = {
     ),
     "odometer slips": (
         *("body_velocity", lambda p: rolled(p, 60.0, 70.0, 0.9), 0.05, {}),
-        "values differ from the flight solved without these sensors: body_velocity",
+        "values contradict the flight solved without these sensors: body_velocity",
     ),
     "wheel of another size in flight": (
         *("body_velocity", lambda p: rolled(p, 90.0, np.inf, 1.02), 0.05, {}),

@@ -129,6 +129,10 @@ def test_header_is_found(tmp_path: Path, content: str, names: tuple[str, ...] | 
         ("", "table.txt: is empty"),
         ("# only\n\n", "table.txt: holds no data line"),
         ("tow,lat\n", "table.txt: holds no data line"),
+        (
+            "%RAWIMUSA,2008,5.1;2008,5.1,77,1,2,3,4,5,6*aa\n" * 2,
+            r"logs of NovAtel \(RAWIMUSA\).* write a table tow,gx,gy,gz,ax,ay,az",
+        ),
     ],
 )
 def test_first_bad_line_is_refused(tmp_path: Path, content: str | bytes, message: str) -> None:

@@ -58,7 +58,7 @@ def test_which_window_the_flight_starts_from(monkeypatch, windows, first) -> Non
         ([window(10.5)], r"heading not observable: .* gives it to 1[01] deg only \(limit 10\)"),
         ([window(0.1, 26.0), window(11.0)], r"median NIS of the fixes 26 at best, limit 25"),
         ([window(0.1, 40.0), window(0.1, 30.0)], "median NIS of the fixes 30 at best"),
-        ([None], "no initial attitude: in no part"),
+        ([None], "no initial attitude: GNSS and inertial motion agree in no part"),
     ],
 )
 def test_which_windows_give_no_start(monkeypatch, windows, message) -> None:

@@ -73,8 +73,8 @@ def test_advised_numbers_are_what_the_flight_file_lacks():
     assert "add -0.0200 to gnss.time_offset_s" in clock.advice
     assert "0.20 m at 10.0 m/s" in clock.found
     (rate,) = told({CLOCK_RATE: (2e-5, 2e-6)})
-    assert "gains +20 +- 2 ppm" in rate.found
-    assert "0.06 m of half the flight" in rate.found
+    assert "runs +20 +- 2 ppm" in rate.found
+    assert "0.06 m over half the flight" in rate.found
 
 
 @pytest.mark.parametrize(
@@ -251,7 +251,7 @@ def test_an_offset_that_the_exposures_share_costs_them_nothing():
     shared = unseen(flight, evidence, events_with_fixes=True)
     assert shared is not None
     assert shared.found.endswith(
-        "the offset moves no image, since their exposures have the same clock"
+        "the offset moves no image, since exposures and fixes have the same clock"
     )
     assert shared.verdict == "ok"
 
@@ -290,7 +290,7 @@ def test_an_exact_lever_arm_is_contradicted_and_not_estimated():
     )
     assert "stated as exact" in arm.expected
     assert "filter.lever_arm" not in arm.advice
-    assert "mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated" in arm.advice
+    assert "mounting.antenna_sigma_m = 0 states an exact arm, so it is not estimated" in arm.advice
     (arm,) = told(values)
     assert "exact" not in str(arm)
 

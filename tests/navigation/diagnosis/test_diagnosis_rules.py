@@ -397,7 +397,8 @@ def next_state(
 
 
 @pytest.mark.parametrize(
-    ("evidence", "history"), [(1.0, ("lag",)), (-1.0, ("as a rival of the lever arm",))]
+    ("evidence", "history"),
+    [(1.0, ("lag",)), (-1.0, ("allows for a rival of the estimated lever arm",))],
 )
 def test_a_lag_is_tried_where_the_lever_arm_has_moved(monkeypatch, evidence, history) -> None:
     """Oracle: the more probable of both is adopted, the other is in the covariance, either way."""

@@ -31,7 +31,7 @@ class Posed:
         (90.0, 150.0, 5.0, "warms up over about 90 s"),
         (90.0, 500.0, 16.0, "warms up over about 90 s"),  # no fix follows the flight file
         (np.inf, 200.0, 3.0, "biases drift linearly"),
-        (None, 200.0, 5.0, "biases follow that"),
+        (None, 200.0, 5.0, "biases follow it"),
     ],
 )
 def test_a_slow_bias_is_named_and_the_images_are_honest(time_s, gyro, accel, words):

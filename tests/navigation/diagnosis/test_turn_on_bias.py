@@ -85,7 +85,7 @@ def test_an_imu_without_biases_leaves_it_at_a_note(tmp_path):
     flight = flight_of(tmp_path, BARE)
     (check,) = (c for c in inspect_flight(flight).checks if c.name == "turn-on bias")
     assert check.verdict == "note"
-    assert "constant biases are taken for zero" in check.found
+    assert "constant biases are taken as zero" in check.found
     result = process(flight, tmp_path / "out")
     assert check in result.diagnostics.checks
 

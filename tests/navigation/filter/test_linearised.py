@@ -146,7 +146,7 @@ def test_one_smoothed_pass_is_enough_where_the_filter_follows_the_fixes():
     once = solve(flown.problem, start, progress=steps.append)
     assert steps == [
         "filter",
-        "filter, with the measurements linearised about the flight without them",
+        "filter, with the sensors linearised about the solution without them",
         "smoother",
     ]
     again = solve(flown.problem, start, "on")

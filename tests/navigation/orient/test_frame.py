@@ -161,7 +161,7 @@ def test_covariance_turns_with_the_axes(kind: str) -> None:
         ("plane", None, None, "it is one of tangent plane"),
         ("projected", None, None, "a CRS belongs to a projected frame"),
         ("geographic", "EPSG:2056", None, "a CRS belongs to a projected frame"),
-        ("geocentric", None, 500.0, "only heights in a projected CRS are scaled"),
+        ("geocentric", None, 500.0, "heights are scaled only in a projected CRS"),
     ],
 )
 def test_refusals(kind: str, code: str | None, ground: float | None, why: str) -> None:

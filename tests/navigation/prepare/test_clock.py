@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import DataError, InputError
+from insgnss.navigation.prepare.barometer import refuse_apart
 from insgnss.navigation.prepare.clock import common_span, common_week, cut_fixes
-from insgnss.records import GnssFixes, ImuSamples
+from insgnss.records import BarometerHeights, GnssFixes, ImuSamples
 from insgnss.records.observations import in_week
 
 
@@ -94,6 +95,20 @@ def test_no_overlap_is_wrong_input(first, last, start, end):
 
 
 @pytest.mark.parametrize(
+    ("ratio", "words"),
+    [
+        (25.6, r"samples last 25\.6 times as long as the fixes.*samples is to be 0\.03906 times"),
+        (1e-3, "samples last 1/1000 as long as the fixes.*samples is to be 1000 times"),
+        (3.0, "they do not overlap; check gps_week"),
+    ],
+)
+def test_the_unit_that_would_fit_is_told(ratio, words):
+    """Oracle: stamps of one recording multiplied; three times as long is a logger left on."""
+    with pytest.raises(InputError, match=words):
+        common_span(imu(0.0, 1000.0 * ratio, 2008), gnss(100000.0, 101000.0), None, None)
+
+
+@pytest.mark.parametrize(
     ("first", "last", "start", "end", "found"),
     [
         (145.0, 300.0, None, None, r"6 fixes over 5\.0 s"),
@@ -136,3 +151,14 @@ def test_cut_keeps_every_field_of_the_fixes_within():
     bare = cut_fixes(gnss(0.0, 20.0), 10.0, 12.0)
     assert bare.velocity_ned is None
     assert bare.velocity_cov_ned is None
+
+
+def test_an_imu_alone_on_another_clock_is_not_taken_for_a_barometer():
+    """Oracle: fixes and heights of one clock, samples of another."""
+    heights = BarometerHeights(np.arange(200.0, 300.0), np.full(100, 5.0), 2008, "baro.csv")
+    with pytest.raises(InputError, match=r"gnss\.txt: fixes from 200\.0 to 300\.0 s, imu\.csv"):
+        refuse_apart(heights, imu(0.0, 100.0, 2008), gnss(200.0, 300.0))
+    with pytest.raises(
+        InputError, match=r"baro\.csv: .*heights last 9 times as long as the samples"
+    ):
+        refuse_apart(heights, imu(0.0, 11.0, 2008), gnss(0.0, 11.0))

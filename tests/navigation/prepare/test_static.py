@@ -179,7 +179,7 @@ def test_increments_are_taken_as_rates(still):
         (
             "units",
             {"gyro": lambda a: np.multiply(a, 57.29578, out=a)},
-            "the sensor turns, or its unit is wrong: record at rest, or give --gyro-unit",
+            "the sensor turns, or the unit is wrong; record at rest, or give --gyro-unit",
         ),
         (
             "rounding",

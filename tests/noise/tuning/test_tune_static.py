@@ -262,7 +262,7 @@ def test_recordings_that_do_not_support_an_answer_are_refused(tmp_path, capsys):
         "constant": (rest * [1, 0, 1, 1, 1, 1], "constant channel: gyro y is 0 throughout"),
         "moving": (
             rest + np.sin(2.0 * t) * [0.2, 0, 0, 3, 0, 0],
-            "if it was at rest, check the units: it scatters by 0.14 rad/s, 2.1",
+            "If the sensor was at rest, check the units: the scatter is 0.14 rad/s, 2.1",
         ),
         "in_g": (
             rest / [1, 1, 1, 9.8, 9.8, 9.8],

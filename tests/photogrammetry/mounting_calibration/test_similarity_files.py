@@ -136,6 +136,27 @@ def test_opposite_strips_and_ground_points_determine_every_component(tmp_path, c
     assert abs(along["lever_arm_m"] + ARM[1]) < 4.0 * along["sigma_m"] + 1e-3
 
 
+@pytest.mark.parametrize("name", ["D:\\photos\\I{}.jpg", "I{}", "i{}.TIF"])
+def test_images_with_a_folder_or_another_ending_are_those_of_the_points(name, tmp_path) -> None:
+    """Oracle: the simulated lever arm; points.csv has I0.jpg."""
+    Flown().write(tmp_path)
+    head, *rows = (tmp_path / "cameras.csv").read_text().splitlines()
+    rows = [f"{name.format(k)},{row.partition(',')[2]}" for k, row in enumerate(rows)]
+    (tmp_path / "cameras.csv").write_text("\n".join([head, *rows]) + "\n")
+    assert run(tmp_path, *GROUND) == 0
+    got, _ = read_mounting_file(tmp_path / "mounting.toml")
+    assert (np.abs(got.antenna_m - ARM) < 4.0 * got.sigma("antenna_m")).all()
+
+
+def test_stated_sigmas_that_are_too_large_are_said_with_their_size(tmp_path, capsys) -> None:
+    """Oracle: antenna noise of 10, 10, 20 mm under stated 80 and 160 mm."""
+    Flown().write(tmp_path)
+    assert run(tmp_path, "--antenna-sigma", "0.08,0.16") == 4
+    words = " ".join(capsys.readouterr().out.split())
+    factor = words.partition(" times smaller than the standard deviations")[0].split()[-1]
+    assert float(factor) == pytest.approx(8.0, rel=0.15)
+
+
 def test_what_is_not_determined_is_a_comment_with_its_reason(tmp_path, capsys) -> None:
     """Oracle: without ground points the vertical goes with the translation (paper 002, 3.1), and
     one heading tells nothing.

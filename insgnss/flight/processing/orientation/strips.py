@@ -80,11 +80,11 @@ def strip_covariances(
     together = sum(strip.rows.size for strip in strips)
     left_out = wanted - len(strips)
     note = (
-        f"covariance of all poses of each of {len(strips)} strips, {together} of {len(eo)} images,"
-        f" at most {max((strip.rows.size for strip in strips), default=0)} in one"
+        f"full pose covariances of {len(strips)} strips with {together} of {len(eo)} images, at "
+        f"most {max((strip.rows.size for strip in strips), default=0)} in one"
     )
     if left_out:
-        note += f"; left out {left_out} strips, whose covariance is not positive definite"
+        note += f"; {left_out} strips were left out, whose covariance is not positive definite"
     return tuple(strips), common, note
 
 

@@ -58,6 +58,7 @@ _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
 _COLUMN_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
 RULE = re.compile(r"[-=_+|,;\s]*[-=]{3}[-=_+|,;\s]*")  # a line that is drawn
+OEM_LOG = re.compile(r"[#%]([A-Z]\w{3,}A),[^;]*;")  # the name of a log of NovAtel
 _DELIMITERS = ("\t", ";", ",", None)
 
 
@@ -309,6 +310,18 @@ def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str
     return None
 
 
+def _instead(comments: list[tuple[int, str]]) -> str:
+    """Say what to do about a file that has comments alone, as logs of NovAtel look."""
+    logs = {match[1] for _, text in comments if (match := OEM_LOG.match(text))}
+    if not logs:
+        return "check that the recording was copied whole"
+    return (
+        f"its lines are logs of NovAtel ({', '.join(sorted(logs))}), of which positions alone are"
+        " read; write a table tow,gx,gy,gz,ax,ay,az from RAWIMU logs with the scale factors of your"
+        " IMU (CORRIMU logs lack gravity and the Earth's rotation, which the filter needs)"
+    )
+
+
 def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> TextLayout:
     """Return the layout of the table in `buf`; InputError where there is no data line."""
     data, comments = _sample(buf)
@@ -317,9 +330,7 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> T
     if head is not None and is_binary(head[2]):
         raise InputError.at_line(path, head[0], _no_text(head[2]))
     if not data:
-        raise InputError.in_file(
-            path, "holds no data line; check that the recording was copied whole"
-        )
+        raise InputError.in_file(path, f"holds no data line; {_instead(comments)}")
     for line, _, text in data:
         refuse_long(path, line, text)
     texts = [text for _, _, text in data[:SAMPLE_LINES]]

@@ -68,8 +68,8 @@ def with_rounding(gnss: GnssFixes) -> GnssFixes:
     shown = " / ".join(f"{100.0 * step:.2g}" for step in steps)
     expected = f"steps below {COUNTS * np.sqrt(12.0):.1g} standard deviations"
     note = Question("GNSS quality", expected).note(
-        f"positions are rounded to steps of {shown} cm (north, east, height), which their standard"
-        " deviations do not cover; the rounding was added to them",
+        f"positions are rounded to {shown} cm (north, east, height), which their standard "
+        "deviations do not cover; these were enlarged by the rounding",
         "write the positions with more digits (9 decimals of a degree, millimetres of height)",
     )
     cov = gnss.cov_ned + more[:, :, None] * np.eye(3)
@@ -193,9 +193,9 @@ def with_calibration(
             raise InputError.at_line(
                 fixes.source,
                 None,
-                "gnss.covariance calibrates positions with quality, satellites and base (an RTKLIB"
-                " .pos with ref pos in its header), and this file does not; leave it out, or set"
-                " gnss.sigma_m or gnss.quality_sigma_m",
+                "gnss.covariance calibrates positions with quality, satellites and base (an "
+                "RTKLIB .pos with ref pos in its header), which this file lacks; leave "
+                "gnss.covariance out, or set gnss.sigma_m or gnss.quality_sigma_m",
             )
         return fixes, {}
     satellites = np.nan_to_num(fixes.satellites)  # a number that is not known confirms nothing
@@ -210,7 +210,9 @@ def with_calibration(
 def _stated(fixes: GnssFixes, rules: CovarianceRules) -> str:
     """Say where the covariances come from."""
     if rules.ppk is not None:
-        return f"of PPK, calibrated by class ({_classes(rules.ppk, rules.numbers or MEASURED)})"
+        return (
+            f"those of PPK, calibrated by class ({_classes(rules.ppk, rules.numbers or MEASURED)})"
+        )
     assumed = 0 if fixes.sigma_assumed is None else int(fixes.sigma_assumed.sum())
     if not assumed:
         return "of their source"

@@ -128,8 +128,8 @@ def combine(
                 " used there"
             )
             advice = (
-                "its biases come and go with it: leave it out, or cut the flight with start_tow and"
-                " end_tow"
+                "the biases of the combination change with each loss; leave this IMU out, or cut "
+                "the flight with start_tow and end_tow"
             )
             overlap = Question("IMU overlap", "all IMUs over the whole recording")
             checks.append(overlap.against(finding, advice, np.mean(~present[j]) >= MOST_LACKING))
@@ -282,11 +282,11 @@ def _offset(first: _Track, second: _Track, noise: float, name: str) -> tuple[flo
     if min(np.mean(a**2), np.mean(b**2)) < max(
         LEAST_RMS_RATE**2, 10.0 * noise**2 / SMOOTHED_RATES_S
     ):
-        finding = f"{name}: the body hardly turns; taken as one clock with the first"
+        finding = f"{name}: the body hardly turns; the clock of the first IMU is assumed"
         return 0.0, ask.ok(finding)
     tau, alike = _coarse_offset(a, b)
     if alike < LEAST_RATE_CORRELATION:
-        finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
+        finding = f"{name}: rates correlate by {alike:.2f} with those of the first IMU"
         ask = replace(ask, expected=f"{LEAST_RATE_CORRELATION} and more of one body")
         advice = Step("check {imu.further}: file, axes and clock")
         return 0.0, ask.contradiction(finding, advice)
@@ -305,8 +305,8 @@ def _offset(first: _Track, second: _Track, noise: float, name: str) -> tuple[flo
             break
     applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_CLOCK_OFFSET_S)
     finding = (
-        f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms"
-        f" {'added' if applied else 'would fit, not added'} to its stamps"
+        f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms "
+        f"{'added' if applied else 'would fit, not added'} to the time stamps of this IMU"
     )
     check = ask.note(finding, when=applied and abs(tau) > 1e-3)
     return (tau if applied else 0.0), check

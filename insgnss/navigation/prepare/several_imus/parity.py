@@ -249,15 +249,15 @@ def _self_evident(imus: Sequence[ImuSamples], sigma: Array) -> tuple[int | None,
     j = int(np.argmax(stuck))
     if stuck[j] > max(STUCK_TOTAL_S, STUCK_RATIO * stuck[1 - j]):
         return j, (
-            f"an axis of it repeats one value for {stuck[j]:.1f} s, none of the other's for"
-            f" more than {stuck[1 - j]:.2f} s"
+            f"an axis of this IMU repeats one value for {stuck[j]:.1f} s, the other's at most for "
+            f"{stuck[1 - j]:.2f} s"
         )
     spikes = [_spikes(x) for x in readings]
     j = int(np.argmax(spikes))
     if spikes[j] >= SPIKES and spikes[j] > 10 * spikes[1 - j]:
         return j, (
-            f"{spikes[j]} of its samples are outliers against their neighbours,"
-            f" {spikes[1 - j]} of the other's"
+            f"{spikes[j]} samples of this IMU are outliers against their neighbours, "
+            f"{spikes[1 - j]} of the other's"
         )
     stated = [np.repeat(2.0 * s**2 / dt, 3) for s, dt in zip(sigma, steps, strict=True)]
     noise = [
@@ -267,10 +267,12 @@ def _self_evident(imus: Sequence[ImuSamples], sigma: Array) -> tuple[int | None,
     j = int(np.argmax(noise))
     if noise[j] > NOISE_RATIO * max(1.0, noise[1 - j]):
         noisier, other = np.sqrt(noise[j]), np.sqrt(noise[1 - j])
-        return j, f"its noise is {noisier:.1f} times the stated one, the other's {other:.1f} times"
+        return j, (
+            f"its noise is {noisier:.1f} times the stated noise, the other's {other:.1f} times"
+        )
     return None, (
-        "neither shows a fault of its own; a third IMU, or the misfit of each alone with GNSS,"
-        " would show it"
+        "neither IMU shows a fault; a third IMU, or each IMU alone with GNSS, would show which is "
+        "faulty"
     )
 
 

@@ -10,24 +10,34 @@ from ....base.quantiles import chi_square_quantile
 from ...adjust.aerial import CAMERA_LEVER_ARM
 from ..parameters import SIGNIFICANT_SIGMAS, UNSTATED_ARM_M
 from ..solve import AdjustedBlock
-from ..trials import ALIKE_GAIN, COVERED_SIGMAS, INTERIOR_ORIENTATION, Trial
+from ..trials import COVERED_SIGMAS, INTERIOR_ORIENTATION, RIVAL_GAIN, Trial, gain_of_arm
 
+ALIKE_GAIN = 16.0  # squares of sigmas, by which the cost of causes differs that look alike (chosen)
 LONG_ARM_M = 0.25  # lever arm that nobody states (m), beyond which it must be measured (chosen)
 REFUSED_RANK = 5.0  # of a finding with which no orientation is written (`judgement.TOO_LARGE`)
 AXES = ("x axis", "y axis", "viewing direction")
 
 
-def alike(trials_made: Sequence[Trial]) -> list[Trial]:
-    """Return what fits as well in the place of a lever arm that nobody states.
+def alike(solved: AdjustedBlock, trials_made: Sequence[Trial]) -> list[Trial]:
+    """Return what fits nearly as well in the place of a lever arm that nobody states.
 
     Parameters
     ----------
+    solved : AdjustedBlock
+        The block.
     trials_made : sequence of Trial
         What was tried.
     """
     instead = [one for trial in trials_made if (one := trial.in_place_of_arm) is not None]
-    best = max((one.gain for one in instead), default=0.0)
-    return [one for one in instead if one.explains and one.gain > best - ALIKE_GAIN]
+    if not instead:
+        return []
+    least = _least_gain(max((gain_of_arm(solved), *(one.gain for one in instead))))
+    return [one for one in instead if one.explains and one.gain > least]
+
+
+def _least_gain(best: float) -> float:
+    """Return the gain from which on a cause fits nearly as well as the best one."""
+    return min(best - ALIKE_GAIN, RIVAL_GAIN * best)
 
 
 def long_lever_arm(
@@ -56,14 +66,19 @@ def long_lever_arm(
     if arm is None or solved.inputs.file.aerial_control.lever_arm_sigma_m != UNSTATED_ARM_M:
         return
     value, sigma = np.array(arm["value"]), np.array(arm["sigma"])
-    times, rivals = (np.abs(value) / sigma).max(), alike(trials_made)
+    times, absorbed = (np.abs(value) / sigma).max(), gain_of_arm(solved)
+    rivals = alike(solved, trials_made)
     long = np.linalg.norm(value) > LONG_ARM_M and times > SIGNIFICANT_SIGMAS
-    of_camera = [one for one in rivals if one.name == INTERIOR_ORIENTATION]
+    of_camera = [
+        one
+        for one in rivals
+        if one.name == INTERIOR_ORIENTATION and one.gain > absorbed - ALIKE_GAIN
+    ]
     if not long and not (of_camera and times > COVERED_SIGMAS):
         return
     shown = " / ".join(f"{1e3 * v:+.0f}" for v in value)
     causes = [f"{one.name} of {one.shown}" for one in rivals]
-    if all(one.gain < ALIKE_GAIN for one in rivals):
+    if absorbed > _least_gain(max((absorbed, *(one.gain for one in rivals)))):
         causes.insert(0, "a lever arm")
     unknown = "; the images do not tell which" * (len(causes) > 1)
     advice = "".join(f", or {one.remedy}" for one in of_camera)
