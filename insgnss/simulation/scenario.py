@@ -1,7 +1,7 @@
 """A whole simulated flight in memory: what the sensors recorded, and the truth about it."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from ..base.advance import within
 from ..base.errors import UsageError, near
 from ..geodesy.frames import TangentPlane
 from ..records import Array, CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
+from ..records.cameras.mounting import Mounting
 from .flights import START_TOW, FlightMotion, fly
 from .ground import drive, walk
 from .layout import PLANS, FlightPlan
@@ -18,10 +19,6 @@ from .raw_gnss.options import RawGnssOptions
 from .raw_gnss.receiver import GnssOptions, simulate_gnss
 from .raw_gnss.scenario import SimulatedGnss, simulate_raw_gnss
 from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
-
-if TYPE_CHECKING:
-    from ..records.cameras.mounting import Mounting
-
 
 JOURNEYS = {"car": drive, "walk": walk}
 JOURNEY_MIN = 5.0  # of a car or a walk without --minutes (chosen)
@@ -76,10 +73,8 @@ class SimulatedFlight:
     raw_gnss: SimulatedGnss | None = None
 
     @property
-    def mounting(self) -> "Mounting":
+    def mounting(self) -> Mounting:
         """The mounting as `process` and `estimate` take it."""
-        from ..records.cameras.mounting import Mounting
-
         rig = self.rig
         vectors = (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight)
         antenna_m, imu_m, camera_from_body, boresight = (np.array(x) for x in vectors)

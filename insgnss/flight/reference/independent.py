@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,12 +9,11 @@ from ...base.errors import DataError
 from ...navigation.filter.codes import POSITION_ROW, USED
 from ...records.cameras.mounting import antenna_sigmas
 from ...records.states import LEVER_ARM, OF_LEVER_ARM, TIME_OFFSET
+from ..config.flight_file import Flight
+from ..processing.orientation.poses import orient_images
+from ..processing.recording import Recording
+from ..processing.segment import Segment
 from .poses import Bias, Setup, image_poses, pose_differences
-
-if TYPE_CHECKING:
-    from ..config.flight_file import Flight
-    from ..processing.recording import Recording
-    from ..processing.segment import Segment
 
 AXIS_VECTORS = {
     "forward": (1.0, 0.0, 0.0),
@@ -88,9 +86,9 @@ NOT_COMPARED = PoseAgreement(reason="there is no flight file")  # but a posed pr
 
 
 def compare_images(
-    flight: "Flight",
-    recording: "Recording",
-    segment: "Segment",
+    flight: Flight,
+    recording: Recording,
+    segment: Segment,
     progress: Callable[[str], None] = lambda _: None,
 ) -> PoseAgreement:
     """Orient the images of a segment by the core and independently, and compare them.
@@ -107,8 +105,6 @@ def compare_images(
     PoseAgreement
         The largest differences, or why the independent path does not know such a flight.
     """
-    from ..processing.orientation.poses import orient_images
-
     if reason := _unsupported_model(flight, recording, segment):
         return PoseAgreement(reason=reason)
     try:
@@ -133,7 +129,7 @@ def compare_images(
     return PoseAgreement(len(eo.images), tuple(rows))
 
 
-def _unsupported_model(flight: "Flight", recording: "Recording", segment: "Segment") -> str:
+def _unsupported_model(flight: Flight, recording: Recording, segment: Segment) -> str:
     """Return what of a flight the independent path does not model; empty where nothing."""
     solution, layout = segment.solution, segment.solution.problem.layout
     groups = {"bias", *(f"GM {k}" for k in range(1, 10)), LEVER_ARM, TIME_OFFSET.group}
@@ -169,9 +165,7 @@ def _unsupported_model(flight: "Flight", recording: "Recording", segment: "Segme
     return ""
 
 
-def _setup(
-    flight: "Flight", recording: "Recording", segment: "Segment", origin: np.ndarray
-) -> Setup:
+def _setup(flight: Flight, recording: Recording, segment: Segment, origin: np.ndarray) -> Setup:
     """Return what the independent path takes from the flight file and its noise model."""
     axes = (*recording.noise.gyro, *recording.noise.accel)
     biases = []

@@ -23,7 +23,6 @@ outside of the positions it is that of the nearest one. Such events are reported
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,17 +30,15 @@ from numpy.typing import NDArray
 from ...geodesy.gpstime import WEEK_S
 from ...records import Array, CameraEvents, Finding, GnssFixes, Question
 from ..quality.solution_quality import LONG_GAP_S
+from ..rinex.observation_record import Observations
 from ..satellites.satellite_geometry import epochs_of
-
-if TYPE_CHECKING:
-    from ..rinex.observation_record import Observations
 
 JUMP_S = 5e-5  # in a step between epochs, beyond the drift
 MOST_DRIFT = 1e-5  # s/s, of a bad crystal
 MARKS_IN_GPST = "format: u-blox"  # in a comment of the header
 
 
-def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> CameraEvents:
+def to_gpst(events: CameraEvents, rover: Observations, fixes: GnssFixes) -> CameraEvents:
     """Bring events of the rover's file from its clock to GPST, with a note of the clock.
 
     Parameters
@@ -76,7 +73,7 @@ def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> Ca
     )
 
 
-def clock_error(rover: "Observations", fixes: GnssFixes) -> tuple[Array, Array]:
+def clock_error(rover: Observations, fixes: GnssFixes) -> tuple[Array, Array]:
     """Return the error of the receiver's clock at the epochs that have a position (C.1).
 
     Returns

@@ -14,7 +14,6 @@ may pass for a cycle.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from ...geodesy.gpstime import WEEK_S
 from ...records import Array, GnssFixes
 from ...records.qualities import Quality
 from ..rinex.navigation_message import Navigation
+from ..rinex.observation_record import Observations
 from ..satellites.frequencies import ENGINE_BANDS, HERTZ, rows_of_systems
 from ..satellites.orbits import LIGHT, emission_states, ranges, sky, unique_satellites
 from ..satellites.satellite_geometry import LARGEST_OFFSET_S, Sky, base_rows
@@ -36,9 +36,6 @@ from .troposphere import (
     standard_slant_delay,
     wet_layer,
 )
-
-if TYPE_CHECKING:
-    from ..rinex.observation_record import Observations
 
 Index = NDArray[np.int64]
 
@@ -86,8 +83,8 @@ class DoubleDifferences:
 
 def double_differences(
     fixes: GnssFixes,
-    rover: "Observations",
-    base: "Observations",
+    rover: Observations,
+    base: Observations,
     navigation: Navigation,
     base_ecef: Array,
     satellites: Sky,
@@ -186,7 +183,7 @@ def measurable(fixes: GnssFixes, base_ecef: Array) -> NDArray[np.bool_]:
     return np.asarray(within)
 
 
-def _week_shift_s(rover: "Observations", base: "Observations") -> float:
+def _week_shift_s(rover: Observations, base: Observations) -> float:
     """Return what is added to the base's times, s, to bring them into the rover's week."""
     return (base.gps_week - rover.gps_week) * WEEK_S
 
@@ -206,8 +203,8 @@ def _delay_difference_in_zenith(air: Atmosphere | None, rise: Array, base_ecef: 
 
 def _usable_rows(
     fixes: GnssFixes,
-    rover: "Observations",
-    base: "Observations",
+    rover: Observations,
+    base: Observations,
     satellites: Sky,
     rows_in_base: Index,
     base_ecef: Array,
@@ -229,7 +226,7 @@ def _usable_rows(
 
 
 def _two_bands(
-    rover: "Observations", base: "Observations", rover_rows: Index, paired_rows: Index
+    rover: Observations, base: Observations, rover_rows: Index, paired_rows: Index
 ) -> tuple[NDArray[np.str_], Array]:
     """Return two bands (m, 2) of each row and their carriers (m, 2), Hz.
 
@@ -257,7 +254,7 @@ def _bands(letter: str) -> list[str]:
     return [*bands, *lower]
 
 
-def _phase(observations: "Observations", rows: Index, band: str) -> Array:
+def _phase(observations: Observations, rows: Index, band: str) -> Array:
     """Return the phase (m,), cycles, of the first signal of the band that each row has."""
     out = np.full(rows.size, np.nan)
     for k, signal in enumerate(observations.signals):
@@ -266,7 +263,7 @@ def _phase(observations: "Observations", rows: Index, band: str) -> Array:
     return out
 
 
-def _phases(observations: "Observations", rows: Index, bands: NDArray[np.str_]) -> Array:
+def _phases(observations: Observations, rows: Index, bands: NDArray[np.str_]) -> Array:
     """Return the phases (m, 2), cycles, of rows (m,) in bands (m, 2)."""
     out = np.full(bands.shape, np.nan)
     for band in np.unique(bands).tolist():
@@ -275,7 +272,7 @@ def _phases(observations: "Observations", rows: Index, bands: NDArray[np.str_]) 
 
 
 def _modelled_ranges(
-    o: "Observations", rows: Index, navigation: Navigation, antenna: Array, shift: float
+    o: Observations, rows: Index, navigation: Navigation, antenna: Array, shift: float
 ) -> Array:
     """Return rho - c dt_s + T (m,), m, of rows (m,) at antennas (m, 3), m ECEF; shift in s."""
     states = emission_states(

@@ -90,7 +90,6 @@ the shell. RTKLIB manual, E.7, for the differences.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,6 +98,7 @@ from ...records import Array, GnssFixes
 from ...records.variances import MAD_TO_SIGMA
 from ..options import EngineOptions
 from ..rinex.navigation_message import Navigation
+from ..rinex.observation_record import Observations
 from ..satellites.engine_weighting import displacement
 from ..satellites.frequencies import ENGINE_BANDS, kappa, rows_of_systems
 from ..satellites.satellite_geometry import Sky, common_bands
@@ -106,9 +106,6 @@ from ..satellites.visible_satellites import directions
 from .double_differences import DoubleDifferences, double_differences, measurable
 from .ionosphere_shell import shell_design
 from .troposphere import Atmosphere, mapping
-
-if TYPE_CHECKING:
-    from ..rinex.observation_record import Observations
 
 Index = NDArray[np.int64]
 
@@ -213,8 +210,8 @@ class IonosphereCorrection:
 
 def ionosphere_correction(
     fixes: GnssFixes,
-    rover: "Observations",
-    base: "Observations",
+    rover: Observations,
+    base: Observations,
     navigation: Navigation,
     base_position_m: ArrayLike,
     satellites: Sky,
@@ -466,7 +463,7 @@ def _block_correlation(weighted: Array, d: DoubleDifferences) -> float:
 
 
 def mean_kappa(
-    rover: "Observations", base: "Observations", satellites: Sky, frequencies: int = 2
+    rover: Observations, base: Observations, satellites: Sky, frequencies: int = 2
 ) -> Array:
     """Return the mean kappa (m,) of the bands that the engine takes of each satellite.
 

@@ -12,16 +12,13 @@ former, of which the channels differ by 0.3 % at most.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array
+from ..rinex.observation_record import Observations
 from .orbits import unique_satellites
-
-if TYPE_CHECKING:
-    from ..rinex.observation_record import Observations
 
 ENGINE_BANDS = {
     "G": ("1", "2", "5"),
@@ -52,7 +49,7 @@ def kappa(system: str, band: str) -> float:
     return (HERTZ["G"]["1"] / HERTZ[system][band]) ** 2
 
 
-def engine_phases(observations: "Observations", frequencies: int) -> NDArray[np.bool_]:
+def engine_phases(observations: Observations, frequencies: int) -> NDArray[np.bool_]:
     """Return whether each row has a phase in the engine's frequencies (m, frequencies)."""
     out = np.zeros((observations.satellite.size, frequencies), dtype=np.bool_)
     observed = np.isfinite(observations.values) & (observations.values != 0.0)

@@ -4,8 +4,6 @@ positions.
 A fix belongs to the nearest epoch of the rover, a rover's epoch to the nearest one of the base.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,14 +13,11 @@ from ...geodesy.gpstime import WEEK_S
 from ...records import Array, GnssFixes
 from ..options import EngineOptions
 from ..rinex.navigation_message import Navigation
+from ..rinex.observation_record import Observations
 from .engine_weighting import GLONASS_WEIGHT, carrying_systems
 from .frequencies import engine_phases
 from .orbits import ranges, satellite_states, sky, unique_satellites
 from .visible_satellites import Sky
-
-if TYPE_CHECKING:
-    from ..rinex.observation_record import Observations
-
 
 AS_USUAL = EngineOptions()
 # s, between the stamp of an epoch and its position's, or the base's: clocks that receivers do not
@@ -31,8 +26,8 @@ LARGEST_OFFSET_S = 0.02
 
 
 def common_sky(
-    rover: "Observations",
-    base: "Observations",
+    rover: Observations,
+    base: Observations,
     navigation: Navigation,
     fixes: GnssFixes,
     options: EngineOptions = AS_USUAL,
@@ -83,7 +78,7 @@ def common_sky(
     )
 
 
-def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
+def epochs_of(fixes: GnssFixes, rover: Observations) -> NDArray[np.int64]:
     """Return the index (n,) of the rover's epoch nearest to each fix.
 
     Raises
@@ -112,7 +107,7 @@ def _nearest(grid: Array, time: Array) -> NDArray[np.int64]:
     return np.searchsorted(0.5 * (grid[1:] + grid[:-1]), time)
 
 
-def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
+def base_rows(rover: Observations, base: Observations) -> NDArray[np.int64]:
     """Return the base's row (m,) of the same satellite, nearest in time to each row of the rover.
 
     It is -1 where there is none.
@@ -126,9 +121,7 @@ def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
     return np.where(base_key[row] == rover_key, row, -1)
 
 
-def common_bands(
-    rover: "Observations", base: "Observations", frequencies: int
-) -> NDArray[np.bool_]:
+def common_bands(rover: Observations, base: Observations, frequencies: int) -> NDArray[np.bool_]:
     """Return whether rover and base have a phase in the engine's frequencies (m, frequencies).
 
     The rows (m,) are the rover's.

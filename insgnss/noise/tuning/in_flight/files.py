@@ -5,13 +5,13 @@ table for machines, a page and a spectrum.
 import hashlib
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ....base.inputs import sha256
 from ....base.units import rounded
 from ....flight.config.flight_file import Flight
 from ....flight.processing.input_files import input_files, measurements
 from ....flight.processing.recording import Recording
+from ....navigation.innovations.innovation_noise import InFlightNoise
 from ....navigation.noise_model.model import (
     NOISE_UNITS,
     AxisNoise,
@@ -22,10 +22,7 @@ from ....navigation.prepare.gaps import nominal_interval
 from ....records import ImuSamples
 from .. import targets
 from ..targets import beside, write_tuning
-
-if TYPE_CHECKING:
-    from ....navigation.innovations.innovation_noise import InFlightNoise
-    from .result import FlightTuning
+from .result import FlightTuning
 
 IN_FLIGHT_MODEL = "in_flight_noise.toml"
 
@@ -37,7 +34,7 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     return targets.planned(target, force, measurements(flight), inputs)
 
 
-def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning":
+def write(tuning: FlightTuning, flight: Flight, target: Path) -> FlightTuning:
     """Write the files, all or none, the noise model only where it is accepted.
 
     Parameters
@@ -63,7 +60,7 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
     return tuning
 
 
-def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
+def model_in_flight(flight: Flight, recording: Recording, noise: InFlightNoise) -> NoiseModel:
     """Return the static model with the factors estimated, and their provenance."""
     from .words import TUNED
 
@@ -101,7 +98,7 @@ def _identity(samples: Path | ImuSamples) -> tuple[str, str]:
     return samples.source or "given as object", digest.hexdigest()
 
 
-def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
+def _scaled(axis: AxisNoise, sensor: str, noise: InFlightNoise) -> AxisNoise:
     """Return one axis with its triad's factors.
 
     Standard errors of what was estimated replace those of the static model.

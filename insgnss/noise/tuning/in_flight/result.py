@@ -3,21 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ....base.files import json_ready, picked
+from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
 from ....navigation.noise_model.model import NoiseModel
 from ....report.charts.chart import Chart
 from ....report.document import Document, Section, Table
 from ....report.notebook import Documented
 from ....report.verdict import worst_of
+from .straight_flight import StraightFlight
 from .words import TUNED, remarks_on, spectrum_parts, white_noise_of, whiteness_rows
-
-if TYPE_CHECKING:
-    from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
-    from .straight_flight import StraightFlight
 
 
 @dataclass(frozen=True)
@@ -41,12 +39,12 @@ class FlightTuning(Documented):
     name: str
     accepted: bool
     reasons: tuple[str, ...]
-    noise: "InFlightNoise"
+    noise: InFlightNoise
     static: NoiseModel
     model: NoiseModel
     lost_before: int
     lost_after: int
-    straight: "StraightFlight | None"
+    straight: StraightFlight | None
     dropped_correlated: bool
     notes: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
@@ -162,14 +160,14 @@ class FlightTuning(Documented):
         return dict(json_ready(document))
 
 
-def _innovations(innovations: "WhitenedInnovations") -> dict[str, Any]:
+def _innovations(innovations: WhitenedInnovations) -> dict[str, Any]:
     """Return the figures of the innovations; the document calls the rejected fixes "lost"."""
     return {
         "lost" if key == "rejected" else key: value for key, value in asdict(innovations).items()
     }
 
 
-def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
+def _spectrum(straight: StraightFlight) -> dict[str, Any]:
     """Return all of the spectrum but the curves."""
     keys: tuple[str, ...] = ("rate_hz", "duration_s", "windows", "mean_with_lines")
     keys += ("mean_without_lines", "upper_limit", "level", "level_from_hz")

@@ -1,18 +1,14 @@
 """The spectrum of the IMU in straight flight: charts for the page."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ....report.charts.chart import Chart
-
-if TYPE_CHECKING:
-    from .result import FlightTuning
+from .result import FlightTuning
 
 LINES_SHOWN = 4  # strongest lines of a channel marked in its panel (chosen)
 
 
-def spectra(tuning: "FlightTuning") -> tuple[Chart, ...]:
+def spectra(tuning: FlightTuning) -> tuple[Chart, ...]:
     """Return the IMU's spectra in straight flight, none without one.
 
     White noise of the static model and of the model in flight stand beside them.

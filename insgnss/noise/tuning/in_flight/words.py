@@ -1,18 +1,15 @@
 """What a flight says of its noise in sentences and rows of tables."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ....base.units import parse_unit
+from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
 from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel
 from ....records.states import CHANNELS
 from ....report.document import Table
-
-if TYPE_CHECKING:
-    from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
-    from .straight_flight import StraightFlight
+from .straight_flight import StraightFlight
 
 TUNED = {
     "white_noise": "white noise of the IMU",
@@ -48,12 +45,12 @@ def white_noise_of(models: tuple[NoiseModel, NoiseModel], name: str) -> str:
     return ""
 
 
-def remarks_on(noise: "InFlightNoise") -> list[str]:
+def remarks_on(noise: InFlightNoise) -> list[str]:
     """Return what is to be said of the factors: what a longer flight, or other sigmas, give."""
     return [_describe_correlations(noise), *_advise_duration(noise), *_advise_sigmas(noise)]
 
 
-def _describe_correlations(noise: "InFlightNoise") -> str:
+def _describe_correlations(noise: InFlightNoise) -> str:
     """Name the pairs of estimates that correlate by more than `CORRELATES`."""
     pairs = [(i, j) for i in range(len(noise.names)) for j in range(i)]
     strong = [
@@ -66,7 +63,7 @@ def _describe_correlations(noise: "InFlightNoise") -> str:
     return f"estimates correlate: {', '.join(strong)}" if strong else uncorrelated
 
 
-def _advise_duration(noise: "InFlightNoise") -> list[str]:
+def _advise_duration(noise: InFlightNoise) -> list[str]:
     """Return how long a flight would be good enough where this one is not.
 
     Standard errors fall with the root of time.
@@ -85,7 +82,7 @@ def _advise_duration(noise: "InFlightNoise") -> list[str]:
 
 
 def whiteness_rows(
-    before: "WhitenedInnovations", after: "WhitenedInnovations"
+    before: WhitenedInnovations, after: WhitenedInnovations
 ) -> list[tuple[str, ...]]:
     """Return what innovations are with the static model and with the one found, row by row."""
     rows: list[tuple[str, ...]] = [
@@ -106,7 +103,7 @@ def whiteness_rows(
     return rows
 
 
-def _advise_sigmas(noise: "InFlightNoise") -> list[str]:
+def _advise_sigmas(noise: InFlightNoise) -> list[str]:
     """Return what to do about fixes whose errors are not what they claim."""
     out = []
     for name in noise.off_claim:
@@ -120,7 +117,7 @@ def _advise_sigmas(noise: "InFlightNoise") -> list[str]:
 
 
 def spectrum_parts(
-    straight: "StraightFlight | None", static: NoiseModel, model: NoiseModel, n: "InFlightNoise"
+    straight: StraightFlight | None, static: NoiseModel, model: NoiseModel, n: InFlightNoise
 ) -> "Iterator[str | Table]":
     """Yield what the spectrum of straight flight says."""
     if straight is None:
@@ -165,7 +162,7 @@ def _triads(model: NoiseModel) -> "Iterator[tuple[str, np.ndarray, slice]]":
         yield sensor, white, slice(3 * k, 3 * k + 3)
 
 
-def _limits_of_white_noise(straight: "StraightFlight", model: NoiseModel) -> Iterator[str]:
+def _limits_of_white_noise(straight: StraightFlight, model: NoiseModel) -> Iterator[str]:
     """Yield what the spectrum says of white noise.
 
     Its level where there is one, and that it cannot exceed the quietest octave.
@@ -186,7 +183,7 @@ def _limits_of_white_noise(straight: "StraightFlight", model: NoiseModel) -> Ite
 
 
 def beyond_spectrum(
-    straight: "StraightFlight | None", model: NoiseModel, noise: "InFlightNoise"
+    straight: StraightFlight | None, model: NoiseModel, noise: InFlightNoise
 ) -> list[Beyond]:
     """Return white noise by the innovations that the spectrum rules out.
 
@@ -205,7 +202,7 @@ def beyond_spectrum(
     return out
 
 
-def longer_flight(noise: "InFlightNoise") -> list[str]:
+def longer_flight(noise: InFlightNoise) -> list[str]:
     """Propose the length of a flight at which a gain short of significance would show.
 
     A gain grows with time.

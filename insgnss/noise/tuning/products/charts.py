@@ -1,22 +1,20 @@
 """The chart of one sensor of a tuning: a panel an axis, or one for the axes that share a model."""
 
 import math
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from ....report.charts.chart import Chart
 from ....report.figures.noise import NoisePanel, Sensor, noise_chart, process_label
 from ...estimation.goodness import p_text
 from ...moments.theory import haar_variance, haar_variance_parts
 from ...processes.composition import GAUSS_MARKOV, NoiseTerm
+from ..fits import Tuned
 from ..recordings import SENSOR_AXES, StaticRecording
+from ..result import TuneResult
 from .words import goodness_p
 
-if TYPE_CHECKING:
-    from ..fits import Tuned
-    from ..result import TuneResult
 
-
-def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
+def sensor_chart(result: TuneResult, sensor: str) -> Chart | None:
     """Chart of a sensor, None where it was not tuned."""
     tuned = [t for t in result.tuned if t.sensor == sensor]
     if not tuned:
@@ -24,7 +22,7 @@ def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
     return noise_chart(cast(Sensor, sensor), [_panel(t, result.recordings) for t in tuned])
 
 
-def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
+def _panel(t: Tuned, recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     curves = [r.curves[t.sensor, k] for k in t.axes for r in recordings]
     labels = [
         f"{r.name} {SENSOR_AXES[k]}" if len(t.axes) > 1 else r.name
@@ -61,7 +59,7 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     )
 
 
-def _label(t: "Tuned", term: NoiseTerm) -> str:
+def _label(t: Tuned, term: NoiseTerm) -> str:
     sensor = cast(Sensor, t.sensor)
     if term.kind == GAUSS_MARKOV:
         process = t.kept.axis.gauss_markov[term.number - 1]

@@ -5,21 +5,18 @@ model.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
 from ....base.units import parse_unit
-from ....report.figures.noise import AXIS_UNITS, SENSOR_NAMES
+from ....report.figures.noise import AXIS_UNITS, SENSOR_NAMES, Sensor
 from ...estimation.goodness import p_text
+from ...estimation.selection import CandidateModel
+from ..fits import Tuned
 from ..options import TuneOptions
 from ..recordings import SENSOR_AXES, StaticRecording
 from .table import duration
-
-if TYPE_CHECKING:
-    from ....report.figures.noise import Sensor
-    from ...estimation.selection import CandidateModel
-    from ..fits import Tuned
 
 FITS_P = 0.05  # p-value from which on a model fits
 MOST_RANKED = 5  # models of the ranking that a comment lists (chosen)
@@ -47,7 +44,7 @@ def sensor_words(
     return f"{SENSOR_NAMES[cast('Sensor', sensor)]}: {title}", f"{several}, {length}{levels}"
 
 
-def sentences(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
+def sentences(t: Tuned, recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """Everything on one model, the most important first."""
     yield from ranked(t)
     yield from verdict(t, recordings)
@@ -62,7 +59,7 @@ def sentences(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str
         )
 
 
-def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
+def verdict(t: Tuned, recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """What limits the trust in a model."""
     yield from misfit(t, recordings)
     if t.stationarity is not None:
@@ -81,7 +78,7 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     yield from t.remarks
 
 
-def superfluous(t: "Tuned") -> Iterator[str]:
+def superfluous(t: Tuned) -> Iterator[str]:
     """The processes without which the model fits as well, together."""
     verdicts = zip(t.kept.composition.processes, t.inference.verdicts, strict=True)
     numbers = [str(process.number) for process, v in verdicts if v.reason == "superfluous"]
@@ -96,13 +93,13 @@ def superfluous(t: "Tuned") -> Iterator[str]:
         )
 
 
-def goodness_p(t: "Tuned") -> float:
+def goodness_p(t: Tuned) -> float:
     """p-value of the J test, the bootstrapped one where there is one."""
     g = t.goodness
     return g.bootstrapped if math.isfinite(g.bootstrapped) else g.p_value
 
 
-def misfit(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
+def misfit(t: Tuned, recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """Where the model does not fit, and by how much of the deviation, which tells whether that
     matters.
     """
@@ -143,13 +140,13 @@ def span_text(scales: Sequence[float]) -> str:
     return f"{least:.3g} s" if least == most else f"{least:.3g} to {most:.3g} s"
 
 
-def curve_name(t: "Tuned", recordings: Sequence[StaticRecording], i: int) -> str:
+def curve_name(t: Tuned, recordings: Sequence[StaticRecording], i: int) -> str:
     """Name of the recording of a curve, with its axis where there are several."""
     k, r = divmod(i, len(recordings))
     return recordings[r].name + (f" {SENSOR_AXES[t.axes[k]]}" if len(t.axes) > 1 else "")
 
 
-def ranked(t: "Tuned") -> Iterator[str]:
+def ranked(t: Tuned) -> Iterator[str]:
     """The models that competed, in a line; those that are another one with a process of no strength
     are left out.
     """
@@ -180,7 +177,7 @@ def ranked(t: "Tuned") -> Iterator[str]:
     )
 
 
-def _repeats(candidate: "CandidateModel", models: Sequence["CandidateModel"]) -> bool:
+def _repeats(candidate: CandidateModel, models: Sequence["CandidateModel"]) -> bool:
     """Whether a model is a smaller one with processes of no strength."""
     Q, size = candidate.fit.objective, candidate.composition.size
     return bool(candidate.fit.at_bound) and any(
