@@ -177,7 +177,16 @@ def trials(
     done.sort(key=lambda trial: trial.unknowns + chosen.get(trial.name, 0.0) - trial.gain)
     # a delay, one unknown, stands before a lever arm along the track that gains little more
     single = [t for t in done if t.unknowns == 1 and t.gain > RIVAL_GAIN * done[0].gain]
-    return tuple(dict.fromkeys([*single, *done]))
+    rivals, absorbed = [t for t in done if t.gain > RIVAL_GAIN * done[0].gain], gain_of_arm(solved)
+    # what leaves nothing of a lever arm that nobody states explains more than what is beside it
+    whole = [
+        t
+        for t in rivals
+        if t.in_place_of_arm is not None
+        and absorbed > COVERED_SIGMAS**2
+        and t.in_place_of_arm.gain > t.gain + absorbed - COVERED_SIGMAS**2
+    ]
+    return tuple(dict.fromkeys([*whole, *single, *done]))
 
 
 def _readout(solved: AdjustedBlock, excess: float, progress: Callable[[str], None]) -> Trial | None:

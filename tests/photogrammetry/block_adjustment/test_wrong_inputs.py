@@ -508,7 +508,7 @@ def test_a_lever_arm_that_hides_in_the_bore_sight_is_told(copied) -> None:
     write_eo_json(replace(eo, position_m=moved), copied.directory / EO)
     result = adjust(copied.block, write=False)
     assert result.judgement.contradicted
-    assert "a lever arm of " in result.judgement.headline
+    assert "unmodelled lever arm of " in result.judgement.headline
     (trial,) = [t for t in result.judgement.trials_made if t.name == "lever arm"]
     assert abs(trial.value[1] - 0.2) < 4.0 * trial.sigma[1] < 0.2
 

@@ -78,7 +78,8 @@ def long_lever_arm(
         return
     shown = " / ".join(f"{1e3 * v:+.0f}" for v in value)
     causes = [f"{one.name} of {one.shown}" for one in rivals]
-    if absorbed > _least_gain(max((absorbed, *(one.gain for one in rivals)))):
+    prior = float(((value / UNSTATED_ARM_M) ** 2).sum())  # rivals have none
+    if absorbed + prior > _least_gain(max((absorbed, *(one.gain for one in rivals)))):
         causes.insert(0, "a lever arm")
     unknown = "; the images do not tell which" * (len(causes) > 1)
     advice = "".join(f", or {one.remedy}" for one in of_camera)
