@@ -41,14 +41,14 @@ class AdjustRequest:
 
     block: Path = argument(
         ...,
-        "the block file (the options below replace its keys) or its directory; with --images:"
-        " the eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
-        " camera_positions.csv, _events.pos, references of Metashape or Pix4D; or a project"
-        " of a photogrammetry program with image observations and ground points of its own",
+        "the block file (the options below replace its keys) or its directory; with --images: the"
+        " eo.json of a processed flight, or positions of the images without an IMU: .MRK,"
+        " camera_positions.csv, _events.pos, references of Metashape or Pix4D; or a project of a"
+        " photogrammetry program that contains image observations and ground points",
         cli="BLOCK",
     )
     plan: bool = argument(
-        False, "say what precision to expect of the block, without image observations"
+        False, "predict the precision of the planned block, without image observations"
     )
     out: Path | None = argument(
         None,
@@ -58,9 +58,9 @@ class AdjustRequest:
     )
     trajectory: Path | None = argument(
         None,
-        "flight file of BLOCK's orientation: process the flight again, together with the images,"
-        " which correct trajectory, biases, lever arm of the antenna and clocks; products in the"
-        " directory trajectory of --out",
+        "flight file from which BLOCK's orientation came; the flight is processed again together"
+        " with the images, which correct trajectory, biases, antenna lever arm and clocks;"
+        " products go into the directory trajectory of --out",
         metavar="FLIGHT",
     )
     force: bool = argument(False, "overwrite results of other image observations")
@@ -91,8 +91,8 @@ def block_of(options: argparse.Namespace) -> BlockFile:
             file_of["images"]["file"] = options.block
         else:
             raise UsageError(
-                "adjust: image observations are missing; give --images, a table or the project of a"
-                " photogrammetry program"
+                "adjust: image observations are missing; name their table, or the project of a"
+                " photogrammetry program, by --images"
             )
         output = BlockOutput(directory=options.block.parent / ADJUSTED_DIRECTORY)
         name = options.block.absolute().parent.name

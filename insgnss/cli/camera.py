@@ -27,15 +27,15 @@ class CameraRequest(Checked):
         "a second camera file, to compare with the first in pixels over the image",
         cli="FILE2",
     )
-    name: str | None = argument(None, "name of the camera to read, where the file has several")
+    name: str | None = argument(None, "name of the camera to read, if the file has several")
     form: str | None = argument(
         None, f"write FILE as {', '.join(WRITTEN.split())}", cli="--as", metavar="FORMAT"
     )
     out: Path | None = argument(None, "the file to write")
     distortion: Literal["forward", "backward", "forward-p2x", "backward-p2x"] | None = argument(
         None,
-        "direction of the distortion of an Inpho project, which its file does not say: forward, of"
-        " ideal points to image points, or backward; with -p2x P2, not P1, is that of x",
+        "direction of the distortion of an Inpho project, which its file does not state: forward"
+        " (from ideal to image points) or backward; with -p2x, P2 instead of P1 belongs to x",
     )
     force: bool = argument(False, "overwrite an existing file that differs")
 

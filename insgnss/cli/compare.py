@@ -37,7 +37,7 @@ class Inputs(Checked):
     a: Path = argument(
         ...,
         f"exterior orientation or trajectory: {', '.join(FORMS)}; or a directory or adjust.json of"
-        " insgnss adjust, of two of which points and cameras are compared, too",
+        " insgnss adjust; two of these are also compared in points and cameras",
         cli="A",
     )
     b: Path = argument(
@@ -50,11 +50,11 @@ class Products(Checked):
     """What is written."""
 
     figure: Path | None = argument(
-        None, "write the differences as a picture: PNG, or by its ending .pdf or .svg"
+        None, "write the differences as a picture: PNG, PDF or SVG according to the file's ending"
     )
     force: bool = argument(False, "overwrite a page or figure of other inputs")
     page: Path | None = argument(
-        None, "write statistics and differences as a page, HTML, whose charts one can zoom"
+        None, "write statistics and differences as an HTML page with charts that can be zoomed"
     )
 
 

@@ -19,7 +19,9 @@ class DoctorRequest:
     """Options of the verb."""
 
     compile: bool = argument(
-        False, "compile the kernels of process and demo now, on all processors, for a first run"
+        False,
+        "compile the kernels of process and demo now, on all processors, so that the first run"
+        " is not slow",
     )
     limits: bool = argument(
         False,

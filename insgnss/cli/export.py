@@ -50,18 +50,18 @@ class ExportRequest(Checked):
     )
     out: Path | None = argument(
         None,
-        "what to write (default: the format's usual name beside EO); a new directory where the "
-        "format has several files. A table that process wrote in another CRS or frame is not "
-        "replaced, nor a FILE that is there and would differ, without --force",
+        "file to write (default: the format's usual name beside EO); a new directory if the format"
+        " has several files. Without --force, no table of process in another CRS or frame is"
+        " replaced, nor an existing FILE that would differ",
     )
     camera: str | None = argument(
         None,
-        "the images of one camera of a rig alone; its name goes into the default name of the file",
+        "export only the images of this camera of a rig; its name is part of the default file name",
     )
     crs: str | None = argument(
         None,
-        "projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it; or the "
-        "datum of geographic coordinates, EPSG:6319",
+        "projected CRS, such as EPSG:2056 or EPSG:25832+7837 (with heights), as WKT, or the path"
+        " of a WKT file; or the datum of geographic coordinates, such as EPSG:6319",
         metavar="CRS",
     )
     geoid: Path | None = argument(
@@ -72,8 +72,8 @@ class ExportRequest(Checked):
     )
     ground: float | None = argument(
         None,
-        "height of the ground; heights above it are multiplied by the map scale factor,"
-        " as distances are",
+        "height of the ground; heights above ground are multiplied by the map scale factor, like"
+        " distances",
         metavar="M",
     )
     settings: tuple[str, ...] = argument(
@@ -81,31 +81,32 @@ class ExportRequest(Checked):
     )
     rename: tuple[str, ...] = argument(
         (),
-        "other names of the images in this export: OLD=NEW, a CSV table of old,new, safe (letters, "
-        "digits and . _ - alone) or basename (without folders); repeat it; a table of both names "
-        "goes beside the export",
+        "new image names in this export: OLD=NEW, a CSV table of old,new, safe (only letters,"
+        " digits and . _ -) or basename (without folders); the option can be repeated; a table of"
+        " old and new names is written beside the export",
         repeated=True,
         metavar="RULE",
     )
     fixes: Path | None = argument(
         None,
-        "positions of the antenna (.pos, NMEA, text), between which the exposures of EO are placed",
+        "antenna positions (.pos, NMEA, text), interpolated to the exposures of EO",
         metavar="FILE",
     )
     time_scale: str | None = argument(
-        None, "scale of exposures that are dates: utc, gpst, utc+02:00", metavar="SCALE"
+        None, "time scale of exposures given as dates: utc, gpst, utc+02:00", metavar="SCALE"
     )
     camera_delay: float = argument(0.0, "time from the stamps of EO to mid-exposure", unit="s")
     moved_base: tuple[Triple, Triple] | None = argument(
         None,
-        "position of the base that EO was solved with, and the one that it should have had, each "
-        "LAT,LON,H: all positions move with it",
+        "base position used for EO and the correct base position, each LAT,LON,H; all positions"
+        " are shifted by the difference",
         kind="moved",
         metavar="OLD NEW",
     )
     base_sigma: Triple = argument(
         (0.0, 0.0, 0.0),
-        "standard deviations of the new position north, east, down, common to all images",
+        "standard deviations (north, east, down) of the correct base position, an error common to"
+        " all images",
         unit="m",
         low=0.0,
         high=100.0,
@@ -139,7 +140,7 @@ def noise_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -
         x is not None for x in (arguments.crs, arguments.geoid, arguments.frame, arguments.ground)
     ):
         of_poses = "--crs, --geoid, --frame and --ground"
-        raise UsageError(f"export: {of_poses} have no meaning for noise; leave them out")
+        raise UsageError(f"export: {of_poses} have no effect on a noise model; leave them out")
     _refuse_camera(arguments, "for noise")
     settings = _settings(arguments.settings)
     if unknown := [key for key in settings if key not in NOISE_SETTINGS]:
@@ -156,8 +157,8 @@ def noise_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -
 
     kept = options.get("cluster_s", 10.0)
     note = (
-        f"white noise and random walk have the model's Allan variance at {kept:g} s; other times"
-        " differ (data_specs/noise_exports.md)"
+        f"white noise and random walk have the model's Allan variance at {kept:g} s only; at other"
+        " times it differs (data_specs/noise_exports.md)"
     )
 
     def write(out: Path) -> Exported:
@@ -179,7 +180,7 @@ def _written(
     out = arguments.out or product
     if out.resolve() == arguments.eo.resolve():
         raise UsageError(
-            f"export: {out} is the orientation itself, which must stay; give another"
+            f"export: {out} is the input orientation, which is never overwritten; give another"
             " file with --out"
         )
     progress(f"writing {out}")
@@ -193,7 +194,7 @@ def _written(
 def _refuse_camera(arguments: argparse.Namespace, where: str) -> None:
     """Refuse to choose a camera where there is none."""
     if arguments.camera is not None:
-        raise UsageError(f"export: --camera has no meaning {where}; leave it out")
+        raise UsageError(f"export: --camera has no effect {where}; leave it out")
 
 
 def _positive(key: str, text: str) -> float:
@@ -262,8 +263,8 @@ def _warn_of_changed_inputs(eo: Path) -> None:
 
     if changed := [name for document in DOCUMENTS for name in changed_since(eo.parent / document)]:
         warnings.warn(
-            f"{eo} is older than {', '.join(changed)}: the export has the orientations from"
-            " before this change; process again to export the present ones",
+            f"{eo} is older than {', '.join(changed)}: the export has the orientations before this"
+            " change; process the flight again, then export",
             stacklevel=2,
         )
 
@@ -287,7 +288,7 @@ def _refuse_of_positions(request: argparse.Namespace) -> None:
         if getattr(request, name):
             option = f"--{name.replace('_', '-')}"
             raise UsageError(
-                f"export: {option} is for positions without an IMU, and {request.eo} has"
+                f"export: {option} is only for positions without an IMU, but {request.eo} has"
                 f" orientations; leave {option} out"
             )
 
@@ -307,8 +308,8 @@ def _read_positions(request: argparse.Namespace) -> tuple[Any, tuple[str, ...]]:
         )
     if request.time_scale is not None or request.camera_delay:
         raise UsageError(
-            f"export: the positions of {path} do not move with --time-scale or --camera-delay; give"
-            " the antenna's positions as --fixes, or leave these options out"
+            f"export: --time-scale and --camera-delay cannot shift the positions of {path}; give"
+            " the antenna positions by --fixes, or leave these options out"
         )
     if sniff_poses(path) == "camera_positions":
         return named_positions(read_camera_positions(path), match)
@@ -325,7 +326,7 @@ def _positions_verb(arguments: argparse.Namespace, progress: Callable[[str], Non
     export_format = position_format(arguments.format)
     _refuse_camera(arguments, "for camera positions")
     if arguments.settings:
-        raise UsageError("export: camera positions take no --set; leave it out")
+        raise UsageError("export: --set has no effect on camera positions; leave it out")
     target = ExportFrame(arguments.crs, arguments.geoid, arguments.frame, arguments.ground)
     with spoken_as(names_of()):
         positions, notes = _read_positions(arguments)
@@ -366,8 +367,8 @@ def proof_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -
     _refuse_camera(arguments, "with --proof")
     if arguments.out or arguments.settings or arguments.rename:
         raise UsageError(
-            "export: with --proof --out, --set and --rename have no meaning; the scene goes into"
-            " DIR"
+            "export: --out, --set and --rename have no effect with --proof; the scene is written"
+            " into DIR"
         )
     progress("writing the scene")
     files = write_proof(

@@ -19,7 +19,7 @@ class InspectRequest(Checked):
     )
     write: Path | None = argument(
         None,
-        "write a flight file of what is found, and the noise model and a picture beside it",
+        "write a flight file from what was found, with the noise model and a picture beside it",
         usual="flight.toml",
         alone=Path("flight.toml"),
         metavar="FLIGHT",

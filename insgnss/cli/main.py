@@ -37,32 +37,33 @@ SHELLS = ("bash", "zsh", "fish", "powershell", "tcsh")
 VERBS = {
     "demo": "simulate a short flight, process it, print the errors against truth, leave the report",
     "simulate": "write a simulated data set in the published tree, with the truth beside it",
-    "inspect": "say what a recording is: files, units, axes, clocks, noise, plausibility; and"
-    " draft its flight file",
-    "process": "raw data in, exterior orientation, trajectory and report out",
-    "verify": "a part of a flight by the core and by a textbook implementation, and their largest"
-    " difference in sigmas; raw observations by two readers",
+    "inspect": "describe a recording (files, units, axes, clocks, noise, plausibility) and draft"
+    " its flight file",
+    "process": "compute exterior orientation, trajectory and report from raw data",
+    "verify": "check a part of a flight against a textbook implementation (largest difference in"
+    " sigmas), or RINEX observations against a second reader",
     "export": "write the master exterior orientation in the format of a bundle adjustment",
     "adjust": "adjust an image block with aerial control: integrated sensor orientation",
-    "targets": "find ground points in photographs: predicted with their covariance, measured to a"
-    " tenth of a pixel",
-    "calibrate": "estimate constants of the mounting (lever arm, each component with a verdict)"
-    " and of the IMU",
-    "camera": "reads calibrated cameras of any program, compares them in pixels, and converts them",
-    "tune": "a noise model, with its uncertainty, from static recordings of an IMU or from the"
-    " innovations of a flight",
-    "compare": "differences of two exterior orientations or trajectories, and which mistaken"
-    " convention explains them",
-    "ppk": "antenna positions with honest covariances from RINEX of rover and base, by RTKLIB",
+    "targets": "find ground points in photographs: predict them with their covariance, measure them"
+    " to a tenth of a pixel",
+    "calibrate": "estimate the lever arms of the mounting (with a verdict on each component) or the"
+    " errors of the IMU",
+    "camera": "read calibrated cameras of any program, compare them in pixels, and convert them",
+    "tune": "estimate a noise model and its uncertainty from static recordings of an IMU or from"
+    " the innovations of a flight",
+    "compare": "compare two exterior orientations or trajectories, and name the wrong convention"
+    " that explains their differences",
+    "ppk": "compute antenna positions with realistic covariances from RINEX of rover and base, by"
+    " RTKLIB",
     "figures": "the charts of a page of insgnss as PDF, SVG or PNG, one file a chart",
     "report": "a page of insgnss as PDF: the summary to hand over, with its appendix where asked"
     " for",
-    "batch": "process the flights of a season side by side, skip what is done, and leave one table"
-    " and page",
-    "archive": "check that every result below a directory can be made again from its inputs, by"
-    " hashes and versions",
-    "doctor": "versions, what is missing and what to do about it, and a self-test of the compiled"
-    " core; for reports of errors",
+    "batch": "process the flights of a season in parallel, skip those already processed, and write"
+    " one table and page",
+    "archive": "check by hashes and versions that every result below a directory can be reproduced"
+    " from its inputs",
+    "doctor": "show versions and what is missing, and test the compiled core; for reports of"
+    " errors",
 }
 """What each verb does, in the order of the help. It is the `VERB` of the module of its name, which
 is imported when a command begins with it."""

@@ -24,13 +24,11 @@ class ProcessRequest:
         "file whose tables [mounting] and [camera] time_offset_s replace those of the flight"
         " file, such as mounting.toml of insgnss adjust",
     )
-    force: bool = argument(
-        False, "overwrite results of other measurements (those of the same are overwritten anyway)"
-    )
+    force: bool = argument(False, "overwrite results even if they came from other measurements")
     engine: str | None = argument(
         None,
-        "engine that solves gnss.rover, in the place of gnss.engine: pyrtklib5, or an rnx2rtkp by "
-        "its path or its name on PATH",
+        "GNSS engine for gnss.rover, instead of gnss.engine: pyrtklib5, or the path or name of an"
+        " rnx2rtkp",
     )
 
 

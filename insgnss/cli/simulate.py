@@ -24,9 +24,9 @@ class SimulateRequest(Checked):
     directory: Path = argument(..., "the data set's root", cli="DIR")
     flight: str | None = argument(
         None,
-        "block (ign8), corridor (ign6x1), a drive in a town (car) or a walk (default: ign8); or an"
-        " image block of the literature with poses whose errors are drawn: block2015, corridor2014"
-        " (Rehak and Skaloud 2016), mapkite (Molina et al. 2017)",
+        "flight to simulate: block (ign8), corridor (ign6x1), a drive in a town (car) or a walk"
+        " (default: ign8); or a published image block whose poses get random errors: block2015,"
+        " corridor2014 (Rehak and Skaloud 2016), mapkite (Molina et al. 2017)",
         kind="choice",
         choices=(*SURVEYS, "car", "walk", *PUBLISHED_BLOCKS),
     )
@@ -34,7 +34,7 @@ class SimulateRequest(Checked):
         None,
         "length of the record",
         positive=True,
-        usual="duration of the flight's plan, 5 for car and walk",
+        usual="planned duration; default for car and walk: 5",
         metavar="M",
     )
     imu_rate: float | None = argument(
@@ -42,33 +42,33 @@ class SimulateRequest(Checked):
     )
     vibration: float | None = argument(
         None,
-        "factor of the IMU's white noise in motion against the noise model of the flight file",
+        "factor by which the IMU's white noise in motion exceeds the noise model of the flight"
+        " file",
         positive=True,
         usual="1",
     )
     raw_gnss: bool = argument(
         False,
-        "write RINEX 2.11 of rover, base and satellites as well, for `insgnss process` to start"
-        " from",
+        "also write RINEX 2.11 of rover, base and satellites, from which `insgnss process` can"
+        " start",
     )
     block: str | None = argument(
         None,
-        "write image observations, ground control and check points and a camera of ign8 or ign6x1"
-        " as well, with their truth (of --flight; or name the flight here)",
+        "also write image observations, ground control and check points and a camera for ign8 or"
+        " ign6x1, with their truth (default: for --flight)",
         alone="",
         metavar="FLIGHT",
     )
     gross_errors: float | None = argument(
         None,
-        "of --block: share of image observations that are off by 10 to 100 px",
+        "share of image observations with gross errors of 10 to 100 px, for --block",
         needs=("block",),
         usual="0",
         metavar="SHARE",
     )
     unknown_boresight: float | None = argument(
         None,
-        "of block2015, corridor2014, mapkite: a rotation of the camera that the given"
-        " poses do not include",
+        "bore-sight that the given poses do not include, for block2015, corridor2014 and mapkite",
         positive=True,
         metavar="DEG",
     )
@@ -78,9 +78,7 @@ class SimulateRequest(Checked):
         super().__post_init__()
         if self.block and self.block not in SURVEYS:
             names = " and ".join(SURVEYS)
-            problem = (
-                f"is not a survey flight ({names}); the directory DIR must stand before --block"
-            )
+            problem = f"is not a survey flight ({names}); write the directory DIR before --block"
             raise OptionError("block", problem, self.block)
 
 
@@ -90,7 +88,7 @@ def run(options: argparse.Namespace, progress: Progress) -> Message:
         return _published(options, progress)
     if options.unknown_boresight is not None:
         blocks = ", ".join(PUBLISHED_BLOCKS)
-        raise UsageError(f"--unknown-boresight is of --flight {blocks}; leave it out of others")
+        raise UsageError(f"--unknown-boresight is only for --flight {blocks}; leave it out")
     from ..simulation.dataset import write_dataset
 
     if options.block and options.flight not in (None, options.block):
@@ -128,8 +126,8 @@ def _published(options: argparse.Namespace, progress: Progress) -> Message:
         if getattr(options, name) not in (None, False):
             option = f"--{name.replace('_', '-')}"
             raise UsageError(
-                f"{option} has no meaning with --flight {options.flight}, whose sizes are those of"
-                f" its paper and whose poses come from no sensors; leave {option} out"
+                f"{option} has no effect with --flight {options.flight}, which has the dimensions"
+                f" of its paper and no simulated sensors; leave {option} out"
             )
     from ..simulation.plug import plugged
 

@@ -30,18 +30,19 @@ class Job:
 
     job: Literal["predict", "measure"] = argument(
         ...,
-        "predict: pixels of ground points with their covariance ellipses; measure: find the targets"
+        "predict: pixel positions of ground points with error ellipses; measure: find the targets"
         " there, for adjust, Metashape, Pix4D and OpenDroneMap",
         cli="JOB",
     )
     vehicle: bool = argument(
         False,
-        "the target is on a vehicle, seen where it is just then: GROUND is its trajectory.csv, its "
-        "eo.json, or a table of target positions",
+        "the target is on a moving vehicle: GROUND is the vehicle's trajectory.csv or eo.json, or"
+        " a table of target positions",
     )
     target_m: Triple | None = argument(
         None,
-        "of --vehicle: the target from the point of its trajectory, in the vehicle's axes",
+        "vector from the vehicle's trajectory point to the target, in the vehicle's axes, for"
+        " --vehicle",
         metavar="FORWARD RIGHT DOWN",
     )
     out: Path | None = argument(
@@ -51,7 +52,7 @@ class Job:
         metavar="PATH",
     )
     force: bool = argument(
-        False, "overwrite the results of another flight, or (predict) a file that is no predictions"
+        False, "overwrite the results of another flight, or (predict) a file without predictions"
     )
 
 
@@ -74,7 +75,7 @@ def request_of(options: argparse.Namespace) -> TargetRequest:
     if options.vehicle:
         vehicle = VehicleTable(file=options.ground, target_m=options.target_m)
     elif options.target_m is not None or options.number is not None:
-        raise UsageError("targets: --target-m and --number belong to --vehicle; give it too")
+        raise UsageError("targets: --target-m and --number belong to --vehicle; give --vehicle too")
     target = made_of(Target, options)
     return made_of(TargetRequest, options, target=target, vehicle=vehicle)
 

@@ -36,8 +36,8 @@ class TuneRequest:
     )
     flight: Path | None = option(
         None,
-        "estimate noise from the innovations of this flight instead; of several IMUs each"
-        " separately, the second into FILE_2",
+        "estimate noise from the innovations of this flight instead; several IMUs are estimated"
+        " one by one, the second is written to FILE_2",
         cli="--",
         metavar="FLIGHT",
     )
@@ -46,7 +46,7 @@ class TuneRequest:
     )
     out: Path | None = option(
         None,
-        "the noise model; its page (.html) and table (.json) go beside it",
+        "the noise model to write; its page (.html) and table (.json) are written beside it",
         usual="imu_noise.toml, of a flight in_flight_noise.toml",
         cli="--",
     )
@@ -82,8 +82,8 @@ def tune(
         return tune_static(arguments.static, options, arguments.out, arguments.force, progress)
     if options != TuneOptions():
         raise UsageError(
-            "tune: with --flight only --parameters, --out and --force have a meaning; the flight"
-            " file says the rest"
+            "tune: with --flight only --parameters, --out and --force have an effect; leave the"
+            " other options out, the flight file states them"
         )
     from ..flight.config.load import load_flight
     from ..noise.tuning.several import tune_each

@@ -28,7 +28,8 @@ class VerifyRequest(Checked):
     )
     minutes: float = argument(
         2.0,
-        "length of the part; the twin takes some ten seconds a minute",
+        "length of the part; the textbook implementation needs about ten seconds per minute of"
+        " flight",
         positive=True,
         metavar="M",
     )

@@ -238,7 +238,7 @@ def turned_by(Q: Array, names: Sequence[str]) -> str:
         f"{'minus ' if x < 0.0 else ''}{name}" for name, x in zip(names, axis, strict=True) if x
     ]
     if len(axis_names) > 1:
-        return f"{angle:.0f} deg about the middle of {' and '.join(axis_names)}"
+        return f"{angle:.0f} deg about the bisector of {' and '.join(axis_names)}"
     return f"{angle * axis.sum():+.0f} deg about {names[int(np.abs(axis).argmax())]}"
 
 
@@ -280,7 +280,10 @@ def time_scale(seconds: float, within_s: float = LEAP_WITHIN_S) -> str:
     """
     weeks = round(seconds / WEEK_S)
     if weeks and abs(seconds - weeks * WEEK_S) < 0.5 * WEEK_S / 7.0:
-        return f"{abs(weeks)} GPS week{'s' if abs(weeks) > 1 else ''}: the week of one is wrong"
+        return (
+            f"{abs(weeks)} GPS week{'s' if abs(weeks) > 1 else ''}: the GPS week of one file is"
+            " wrong"
+        )
     size = abs(seconds)
     hours = round(size / 3600.0)
     remainder = abs(size - 3600.0 * hours)

@@ -339,16 +339,16 @@ class MapProjection:
         G[:, 2, 2] = 1.0
         if (np.linalg.det(J) < 0.0).any():
             raise UsageError(
-                f"CRS {self.name} has left-handed axes, in which no attitude can be given; use its"
-                " east-north sibling"
+                f"CRS {self.name} has left-handed axes (northing first), in which attitudes are"
+                " undefined; use the same CRS with easting first"
             )
         angle = np.arctan2(J[:, 1, 0] - J[:, 0, 1], J[:, 0, 0] + J[:, 1, 1])
         G[:, 0, 0] = G[:, 1, 1] = np.cos(angle)
         G[:, 1, 0], G[:, 0, 1] = np.sin(angle), -np.sin(angle)
         if np.abs(J - scale[:, None, None] * G[:, :2, :2]).max() > CONFORMAL_TOLERANCE:
             raise UsageError(
-                f"CRS {self.name} is not conformal, so that an attitude in it has no meaning; use a"
-                " conformal one (UTM, ...)"
+                f"CRS {self.name} is not conformal, so attitudes in it are undefined; use a"
+                " conformal CRS (UTM, ...)"
             )
         return G
 

@@ -39,13 +39,15 @@ class CovarianceModel(CalibrationNumbers):
 
     scale: Mapping[str, Triple] = option(
         lambda: dict(MEASURED.scale),
-        "factor k of the engine's standard deviations, a table by class",
+        "factor k on the engine's standard deviations, a table by class of epochs",
         **_BY_CLASS,
     )
     floor_m: Mapping[str, Triple] = option(
         lambda: dict(MEASURED.floor_m), "floor, a table by class", unit="m", **_BY_CLASS
     )
-    ppm: Triple = option(MEASURED.ppm, "parts per million of the distance to the base", **_TRIPLE)
+    ppm: Triple = option(
+        MEASURED.ppm, "error proportional to the distance to the base, parts per million", **_TRIPLE
+    )
     acceleration_mps2: Triple = option(
         MEASURED.acceleration_mps2,
         "largest acceleration of the antenna; a single epoch that would need more is an outlier",
@@ -57,20 +59,20 @@ class CovarianceModel(CalibrationNumbers):
     )
     unsupported_satellites: int = _satellites(
         MEASURED.unsupported_satellites,
-        "with fewer satellites an epoch that nothing confirms is unsupported",
+        "number of satellites below which an unconfirmed epoch counts as unsupported",
     )
     support_s: float = _time(
         MEASURED.support_s,
-        "time to either side within which neighbours confirm an epoch",
+        "time before and after an epoch within which neighbours confirm it",
         high=600.0,
     )
     support_share: float = _share(
-        MEASURED.support_share, "share of the epochs within support_s that must be fixed as well"
+        MEASURED.support_share, "share of the epochs within support_s that must be fixed too"
     )
     island_s: float = _time(
         MEASURED.island_s,
-        "time to either side in which island_share of the epochs must be fixed where forward and "
-        "backward do not both fix an island; 0 switches that off",
+        "time before and after an island of fixed epochs in which island_share of the epochs must"
+        " be fixed, unless forward and backward solution both fix the island; 0 switches this off",
     )
     island_share: float = _share(
         MEASURED.island_share,
@@ -78,18 +80,18 @@ class CovarianceModel(CalibrationNumbers):
         " `.pos`",
     )
     degraded_s: float = _time(
-        MEASURED.degraded_s, "time to either side over which degraded_share is counted"
+        MEASURED.degraded_s, "time before and after an epoch over which degraded_share is counted"
     )
     degraded_share: float = _share(
         MEASURED.degraded_share,
-        "fixed epochs with a smaller share of validated ones within degraded_s are degraded; "
-        "epochs before the first and after the last validated one do not count; 0 "
-        "switches that off",
+        "share of validated epochs within degraded_s below which fixed epochs count as degraded;"
+        " epochs before the first and after the last validated one do not count; 0 switches this"
+        " off",
     )
     gate: float = option(
         MEASURED.gate,
-        "limit of the chi-square (3 degrees of freedom) of forward against backward; a fixed"
-        " epoch beyond it is not validated",
+        "limit of the chi-square (3 degrees of freedom) of forward minus backward solution; a"
+        " fixed epoch above the limit is not validated",
         low=1.0,
         high=1e4,
     )

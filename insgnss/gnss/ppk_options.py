@@ -46,7 +46,8 @@ class Air:
 
     pressure_hpa: float | None = option(
         None,
-        "pressure of the air at the base, for wet delay and ionosphere, not reduced to sea level",
+        "air pressure at the base, not reduced to sea level, for the corrections of wet delay and"
+        " ionosphere",
         unit="hPa",
         low=300.0,
         high=1100.0,
@@ -79,18 +80,18 @@ class EngineSettings:
 
     base_point: Point | None = option(
         None,
-        "what stands at the base position: the antenna's phase centre (apc), its reference point "
-        "(arp) or the marker; it must be given with gnss.base_position",
+        "point to which the base position refers: the antenna's phase centre (apc), its reference"
+        " point (arp) or the marker; required with gnss.base_position",
         cli="--base-point",
         cli_meaning=(
-            "what stands at the base position: the antenna's phase centre (apc), its "
-            "reference point (arp) or the marker"
+            "point to which the base position refers: the antenna's phase centre (apc), its"
+            " reference point (arp) or the marker"
         ),
         cli_default="apc, with a note",
     )
     antex: Path | None = option(
         None,
-        "ANTEX file of antenna phase centres; needed where the base point is an arp or a marker",
+        "ANTEX file of antenna phase centres; required if the base point is arp or marker",
         cli="--antex",
     )
     systems: str = option(
@@ -103,7 +104,7 @@ class EngineSettings:
     )
     frequencies: int = option(
         2,
-        "frequencies to use, 1: L1, 2: also L2 or E5b, 3: also L5",
+        "number of frequencies to use; 1: L1, 2: also L2 or E5b, 3: also L5",
         low=1,
         high=3,
         choices=(1, 2, 3),
@@ -133,13 +134,13 @@ class EngineSettings:
         kind="engine",
         cli="--engine",
         cli_meaning=(
-            "engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on "
-            "PATH; auto: the first of both that is installed"
+            "GNSS engine: pyrtklib5, or the path or name of an rnx2rtkp; auto: the first of the"
+            " two that is installed"
         ),
     )
     max_age_s: float = option(
         30.0,
-        "longest time between an epoch of the rover and the base's epoch used for it",
+        "longest time between an epoch of the rover and the base epoch used with it",
         unit="s",
         low=0.01,
         high=3600.0,
@@ -147,7 +148,7 @@ class EngineSettings:
     )
     timeout_s: float = option(
         7200.0,
-        "longest time of one of the engine's two runs; a run that takes longer is ended",
+        "time limit for each of the engine's two runs; a longer run is stopped",
         unit="s",
         low=1.0,
         high=1e6,
@@ -155,8 +156,8 @@ class EngineSettings:
     )
     acceleration_mps2: tuple[float, float] = option(
         (3.0, 1.0),
-        "process noise of the rover's acceleration, horizontal and vertical; the engine's"
-        " dynamics model is off where epochs are too far apart",
+        "process noise of the rover's acceleration, horizontal and vertical; the engine's dynamics"
+        " model is off if epochs are too far apart",
         unit="m/s^2",
         positive=True,
         cli="--acceleration",
@@ -210,7 +211,7 @@ register("rtklib", OptionKind(_no_rtklib, _as_texts, several=True))
 def rtklib_problem(name: str, value: object) -> str:
     """What is wrong with a further option of RTKLIB, empty where it may be set."""
     if not re.fullmatch(OPTION_NAME, name):
-        return f"{name[:60]!r} is no name of an option of RTKLIB, such as pos2-arminfix"
+        return f"{name[:60]!r} is not the name of an RTKLIB option, such as pos2-arminfix"
     if _OURS.match(name):
         keys = (
             f"{named(key)} sets it"
@@ -235,18 +236,18 @@ class RawGnss(EngineSettings):
 
     rover: Path | tuple[Path, ...] = option(
         ...,
-        "observations of the rover, RINEX 2 or 3 (plain, .gz, .Z, Hatanaka; rinex.md), solved by "
-        "PPK instead of gnss.file: `pip install '.[ppk]'`; files that follow each other as a list "
-        "or a pattern (rover/*.18o)",
+        "observations of the rover, RINEX 2 or 3 (plain, .gz, .Z, Hatanaka; rinex.md), for PPK"
+        " instead of gnss.file (needs `pip install '.[ppk]'`); consecutive files as a list or a"
+        " pattern (rover/*.18o)",
         kind="observations",
         form="path or list of paths",
         cli="ROVER",
-        cli_meaning="observations of the rover, RINEX 2 or 3, plain or packed; several files that "
-        "follow each other are joined",
+        cli_meaning="observations of the rover, RINEX 2 or 3, plain or packed; consecutive files"
+        " are joined",
     )
     base: Path | tuple[Path, ...] = option(
         ...,
-        "observations of the base, likewise: hourly files of a station",
+        "observations of the base, as for the rover; for example hourly files of a station",
         kind="observations",
         form="path or list of paths",
         cli="--base",
@@ -257,7 +258,7 @@ class RawGnss(EngineSettings):
     )
     base_position: Triple | None = option(
         None,
-        "position of the base; checked against the codes of the base, see rinex.md",
+        "position of the base; checked against its code observations (rinex.md)",
         kind="place",
         usual="of the base's header, with a warning",
         cli="--base-position",
@@ -266,21 +267,23 @@ class RawGnss(EngineSettings):
     )
     wet_delay: bool = option(
         True,
-        "correct heights for the wet delay between base and rover, which the engine leaves out",
+        "correct heights for the difference in tropospheric wet delay between base and rover,"
+        " which the engine does not apply",
         cli="--no-wet-delay",
-        cli_meaning="leave the wet delay between base and rover in the heights",
+        cli_meaning="do not correct heights for the wet delay between base and rover",
     )
     ionosphere: bool = option(
         True,
-        "correct fixed positions for the ionosphere between base and rover, which the "
-        "engine leaves out, as the two bands show it: flights of 5 minutes at least, up to 10 km "
-        "from the base",
+        "correct fixed positions for the ionospheric difference between base and rover, determined"
+        " from two frequencies, which the engine does not apply; for flights of at least 5"
+        " minutes, up to 10 km from the base",
         cli="--no-ionosphere",
-        cli_meaning="leave the ionosphere between base and rover in the positions",
+        cli_meaning="do not correct positions for the ionosphere between base and rover",
     )
     atmosphere: Mapping[str, float] | None = option(
         None,
-        "air at the base, for the corrections of wet delay and ionosphere, as far as it is known",
+        "measured air pressure, temperature and humidity at the base, for the corrections of wet"
+        " delay and ionosphere",
         kind="air",
         form="table, below",
         usual="standard",

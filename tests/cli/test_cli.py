@@ -378,7 +378,7 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
         (["metashape", "--set", "unit"], "--set 'unit' is not KEY=VALUE"),
         (
             ["eo_json", "--out", "{master}"],
-            "is the orientation itself, which must stay; give another file",
+            "is the input orientation, which is never overwritten; give another file",
         ),
         (
             ["metashape", "--geoid", "nowhere.gtx"],

@@ -170,7 +170,7 @@ def test_absurd_sizes_and_needless_parameters_are_not_named() -> None:
     [
         (18.02, "the 18 leap seconds between GPS time and UTC"),
         (-17.1, "the 17 leap seconds between GPS time and UTC"),
-        (-604800.0, "1 GPS week: the week of one is wrong"),
+        (-604800.0, "1 GPS week: the GPS week of one file is wrong"),
         (7200.0, "a time zone of 2 h"),
         (7218.0, "a time zone of 2 h and leap seconds"),
     ],

@@ -265,14 +265,17 @@ def test_files_hold_what_was_simulated(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ("--flight block2015 --minutes 3", "--minutes has no meaning with --flight block2015"),
+        ("--flight block2015 --minutes 3", "--minutes has no effect with --flight block2015"),
         ("--flight mapkite --imu-rate 100", "--imu-rate has no meaning"),
         ("--flight mapkite --vibration 2", "--vibration has no meaning"),
         ("--flight corridor2014 --raw-gnss", "--raw-gnss has no meaning"),
         ("--flight corridor2014 --block", "--block has no meaning"),
         ("--flight corridor2014 --gross-errors 0.1", "--gross-errors: has no meaning"),
         ("--flight corridor2014 --unknown-boresight 20", "lies within 0 to 10"),
-        ("--flight ign8 --unknown-boresight 2", "--unknown-boresight is of --flight block2015"),
+        (
+            "--flight ign8 --unknown-boresight 2",
+            "--unknown-boresight is only for --flight block2015",
+        ),
     ],
 )
 def test_what_has_no_meaning_is_refused(given, says, tmp_path, capsys) -> None:

@@ -10,14 +10,14 @@ from ..console import Parser
 from ..verb import Verb
 
 CALIBRATIONS = {
-    "imu": "bias, scale factors and non-orthogonality of an IMU from a recording at rest in nine"
-    " positions and more",
-    "tripod": "lever arm from camera to antenna: camera poses by photogrammetry and pins by"
-    " tachymetry, of an aircraft on a tripod in several setups",
-    "similarity": "lever arm from camera to antenna: adjusted poses in any frame, antenna positions"
-    " at exposures and 0 and more ground points",
-    "materialise": "lever arm from camera to antenna: by targets on camera and receiver, as neither"
-    " centre can be touched",
+    "imu": "bias, scale factors and non-orthogonality of an IMU, from a recording at rest in nine"
+    " or more positions",
+    "tripod": "lever arm from camera to antenna, with the aircraft on a tripod in several setups:"
+    " camera poses by photogrammetry, antenna marks (pins) by total station",
+    "similarity": "lever arm from camera to antenna, from adjusted poses in any frame and antenna"
+    " positions at the exposures; ground points are optional",
+    "materialise": "lever arm from camera to antenna, from targets fixed to camera and receiver,"
+    " since neither centre can be touched",
     "mounting": "lever arms, bore-sight and camera delay from one ordinary flight and the adjusted"
     " poses of its images",
 }

@@ -23,10 +23,10 @@ class ImuRequest(Checked):
     """Options of the verb."""
 
     imu: Path = argument(
-        ..., "samples of an IMU that rests 5 s and more in each position", cli="IMU_FILE"
+        ..., "samples of an IMU that rests for 5 s or more in each position", cli="IMU_FILE"
     )
     flight: Path | None = argument(
-        None, "a flight file whose [imu] says columns, units and quantity", metavar="FLIGHT"
+        None, "a flight file whose table [imu] states columns, units and quantity", metavar="FLIGHT"
     )
     columns: tuple[str, ...] | Mapping[str, str] | None = argument(
         None, "such as tow,gx,gy,gz,ax,ay,az", usual="by header", kind="columns", metavar="NAMES"

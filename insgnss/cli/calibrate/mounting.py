@@ -33,7 +33,9 @@ class MountingProducts(Checked):
     compare: Path | None = argument(
         None, "another mounting.toml, to compare its lever arm with the result"
     )
-    out: Path = argument(Path("mounting.toml"), "the file to write; a page (.html) goes beside it")
+    out: Path = argument(
+        Path("mounting.toml"), "the file to write; a report page (.html) is written beside it"
+    )
     force: bool = argument(False, "overwrite a file that was made from other inputs")
 
     def __post_init__(self) -> None:
@@ -50,14 +52,14 @@ class TripodFiles:
 
     poses: Path = argument(
         ...,
-        "camera poses, one for each setup (a table image, x, y, z, omega, phi, kappa, ...,"
-        " eo.json, Metashape, COLMAP, ...)",
+        "camera poses, one for each setup (a table with columns image, x, y, z, omega, phi, kappa,"
+        " ..., eo.json, Metashape, COLMAP, ...)",
         cli="POSES",
     )
     pins: Path = argument(
         ...,
-        "positions of the tip of the pin that takes the antenna's place: a table of the"
-        " same names, x, y, z",
+        "positions of the tip of the pin that replaces the antenna: a table with the same setup"
+        " names and x, y, z",
         cli="PINS",
     )
 
@@ -73,8 +75,8 @@ class SimilarityFiles:
     )
     antenna: Path = argument(
         ...,
-        "antenna positions at exposures, by image: a table image, x, y, z or lat, lon, h, or the "
-        "file of Metashape whose references they are",
+        "antenna positions at the exposures: a table with columns image, x, y, z or image, lat,"
+        " lon, h, or a Metashape file that has them as references",
         cli="ANTENNA",
     )
 
@@ -85,14 +87,14 @@ class MaterialiseFiles:
 
     camera: Path = argument(
         ...,
-        "targets on the camera in a scaled frame: a table name, x, y, z, or a block of a "
-        "photogrammetry program in which they are measured",
+        "targets on the camera in a scaled frame: a table with columns name, x, y, z, or a"
+        " photogrammetric block in which they are measured",
         cli="CAMERA",
     )
     mounted: Path = argument(
         ...,
-        "targets on camera and receiver in one block of the aircraft before the flight, alike; any"
-        " frame and unit",
+        "targets on camera and receiver, measured in one block of images of the aircraft before"
+        " the flight; table or block as for the camera, any frame and unit",
         cli="MOUNTED",
     )
 

@@ -25,7 +25,7 @@ class FiguresRequest(Checked):
         cli="PAGE",
     )
     format: Literal["pdf", "svg", "png"] = argument(
-        "pdf", "of the files; PNG has 300 pixels to the inch"
+        "pdf", "format of the files; PNG has 300 pixels per inch"
     )
     out: Path | None = argument(
         None, "where the files go", usual="figures beside PAGE", metavar="DIR"
@@ -33,7 +33,7 @@ class FiguresRequest(Checked):
     only: tuple[str, ...] = argument((), "names of charts", usual="all")
     width: float = argument(
         174.0,
-        "of each figure: 84 fills one column of a journal, 174 two of them",
+        "width of each figure: 84 is one column of a journal, 174 two columns",
         unit="mm",
         positive=True,
     )

@@ -25,7 +25,7 @@ class ReportRequest(Checked):
     pdf: Path | None = argument(
         None, "where the PDF goes", usual="PAGE with the ending .pdf", metavar="FILE"
     )
-    appendix: bool = argument(False, "print what is not in the summary as well")
+    appendix: bool = argument(False, "print also the details that are not in the summary")
     force: bool = argument(False, "overwrite an existing file")
 
 

@@ -184,9 +184,13 @@ def test_exposures_without_an_imu_are_exported(
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["Timestamp.MRK", "odm", "--camera-delay", "0.1"], 2, "give the antenna's positions as"),
+        (["Timestamp.MRK", "odm", "--camera-delay", "0.1"], 2, "give the antenna positions by"),
         (["times.MRK", "odm"], 3, "has no standard deviations of positions"),
-        (["eo.json", "metashape", "--fixes", "antenna.pos"], 2, "--fixes is for positions without"),
+        (
+            ["eo.json", "metashape", "--fixes", "antenna.pos"],
+            2,
+            "--fixes is only for positions without",
+        ),
         (
             ["stamps.csv", "odm", "--fixes", "antenna.pos"],
             3,

@@ -146,7 +146,7 @@ def test_what_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFi
     for more, says in (
         (["--set", "rate=x"], "rate=x: a number greater than zero"),
         (["--set", "bias=1"], "kalibr takes no bias"),
-        (["--crs", "EPSG:2056"], "have no meaning for noise"),
+        (["--crs", "EPSG:2056"], "have no effect on a noise model"),
     ):
         assert main([*argv, *more]) == 2
         assert says in capsys.readouterr().err

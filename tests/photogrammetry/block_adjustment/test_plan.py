@@ -70,4 +70,4 @@ def test_what_a_plan_cannot_go_without(flown, capsys) -> None:
     assert main(["adjust", eo, "--plan", "--camera", camera]) == 3
     assert "height of the ground is missing" in capsys.readouterr().err
     assert main(["adjust", eo, "--camera", camera]) == 2
-    assert "image observations are missing; give --images" in capsys.readouterr().err
+    assert "image observations are missing; name their table" in capsys.readouterr().err

@@ -122,7 +122,7 @@ def test_the_vehicle_makes_check_points_better(made, adjusted, tmp_path) -> None
     ("seconds", "words"),
     [
         (18.0, r"18\.00 s later: the stamps of the vehicle are off \(the 18 leap .* = -18\.00"),
-        (604800.0, "as if off by 1 GPS week: the week of one is wrong"),
+        (604800.0, "as if off by 1 GPS week: the GPS week of one file is wrong"),
         (-7200.0, "as if off by a time zone of 2 h"),
         (500.0, "none of the 16 exposures .* give the vehicle's file of this flight"),
     ],
