@@ -266,10 +266,10 @@ def test_files_hold_what_was_simulated(tmp_path) -> None:
     ("given", "says"),
     [
         ("--flight block2015 --minutes 3", "--minutes has no effect with --flight block2015"),
-        ("--flight mapkite --imu-rate 100", "--imu-rate has no meaning"),
-        ("--flight mapkite --vibration 2", "--vibration has no meaning"),
-        ("--flight corridor2014 --raw-gnss", "--raw-gnss has no meaning"),
-        ("--flight corridor2014 --block", "--block has no meaning"),
+        ("--flight mapkite --imu-rate 100", "--imu-rate has no effect"),
+        ("--flight mapkite --vibration 2", "--vibration has no effect"),
+        ("--flight corridor2014 --raw-gnss", "--raw-gnss has no effect"),
+        ("--flight corridor2014 --block", "--block has no effect"),
         ("--flight corridor2014 --gross-errors 0.1", "--gross-errors: has no meaning"),
         ("--flight corridor2014 --unknown-boresight 20", "lies within 0 to 10"),
         (

@@ -85,7 +85,7 @@ def test_a_projected_system_takes_them_along(file):
     [
         (["colmap"], "needs attitudes"),
         (["metashape", "--frame", "tangent"], "geographic coordinates or a projected CRS"),
-        (["metashape", "--set", "a=b"], "take no --set"),
+        (["metashape", "--set", "a=b"], "--set has no effect on camera positions"),
     ],
 )
 def test_what_positions_cannot_be_is_refused(file, capsys, words, message):
