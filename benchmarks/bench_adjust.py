@@ -25,7 +25,7 @@ one_thread()
 import numpy as np  # noqa: E402
 from image_blocks import NOISE_PX, POSITION_M, VALUES, Case, strips  # noqa: E402
 
-from insgnss.photogrammetry.adjust.adjustment import adjusted  # noqa: E402
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem  # noqa: E402
 from insgnss.photogrammetry.adjust.normals import problem_of  # noqa: E402
 from insgnss.photogrammetry.adjust.precision import precision_of  # noqa: E402
 from insgnss.photogrammetry.adjust.start import first_values  # noqa: E402
@@ -46,11 +46,11 @@ def timed(run: Callable[[], object]) -> tuple[float, object]:
 def ours(case: Case, posterior: bool) -> dict[str, float]:
     """Median CPU seconds of adjustment and posterior."""
     small = strips(2, 4)
-    precision_of(adjusted(problem_of(small.block, small.groups), first_values(small.block)))
+    precision_of(adjust_problem(problem_of(small.block, small.groups), first_values(small.block)))
     first = first_values(case.block)
     solve, after = [], []
     for _ in range(REPEATS):
-        seconds, result = timed(lambda: adjusted(problem_of(case.block, case.groups), first))
+        seconds, result = timed(lambda: adjust_problem(problem_of(case.block, case.groups), first))
         solve.append(seconds)
         if posterior:
             after.append(timed(lambda: precision_of(result, 1.0))[0])  # type: ignore[arg-type]  # noqa: B023

@@ -26,9 +26,8 @@ from image_blocks import POSITION_M, TILT_DEG, Case, strips  # noqa: E402
 from published_blocks.files import write_survey  # noqa: E402
 from published_blocks.survey import simulate_survey  # noqa: E402
 
-from insgnss import adjust_block  # noqa: E402
 from insgnss.flight.config.block_file import load_block  # noqa: E402
-from insgnss.photogrammetry.adjust.adjustment import adjusted  # noqa: E402
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem  # noqa: E402
 from insgnss.photogrammetry.adjust.aerial import AerialControl  # noqa: E402
 from insgnss.photogrammetry.adjust.groups import ObservationGroup, control_points, weight_of  # noqa: E402
 from insgnss.photogrammetry.adjust.normals import problem_of  # noqa: E402
@@ -38,7 +37,7 @@ from insgnss.photogrammetry.adjust.relative import (  # noqa: E402
     ObservedStrip,
     RelativeAerialControl,
     operator,
-    smoothed,
+    relative_covariance,
 )
 from insgnss.photogrammetry.adjust.start import first_values  # noqa: E402
 from insgnss.photogrammetry.block_adjustment.aerial.control import control_of  # noqa: E402
@@ -79,7 +78,7 @@ def fast_at() -> float:
             )
             inputs = inputs_of(own, lambda _: None)
             cpu = median_cpu(lambda: solution(inputs))  # noqa: B023
-            whole = median_cpu(lambda: adjust_block(own, write=False))  # noqa: B023
+            whole = median_cpu(lambda: adjust_problem(own, write=False))  # noqa: B023
             print(f"| {control} | {cpu:.2f} | {whole:.1f} |")
             worst = max(worst, cpu)
     return worst
@@ -87,7 +86,7 @@ def fast_at() -> float:
 
 def solution(inputs: BlockInputs) -> None:
     """Adjust, with covariances and tests."""
-    precision_of(adjusted(*set_up(inputs, control_of(inputs))), 1.0)
+    precision_of(adjust_problem(*set_up(inputs, control_of(inputs))), 1.0)
 
 
 def relative_control() -> float:
@@ -98,8 +97,8 @@ def relative_control() -> float:
         groups = [*control_points(case.block.control), *of_strips(case, name == "relative")]
         first = first_values(case.block)
         problem = problem_of(case.block, groups)
-        cpu = median_cpu(lambda: adjusted(problem, first))  # noqa: B023
-        done = adjusted(problem, first)
+        cpu = median_cpu(lambda: adjust_problem(problem, first))  # noqa: B023
+        done = adjust_problem(problem, first)
         whole = cpu + median_cpu(lambda: precision_of(done, 1.0))  # noqa: B023
         print(f"| {name} position and attitude | {cpu:.2f} | {whole:.2f} |")
     return whole
@@ -121,7 +120,7 @@ def of_strips(case: Case, relative: bool) -> list[ObservationGroup]:
             groups.append(AerialControl(rows, X, C, weight_of(P, ""), time_s, zeros, zeros))
             continue
         observed = ObservedStrip("relative", True, pairs)
-        weight = weight_of(smoothed(operator(C, observed), P), "")
+        weight = weight_of(relative_covariance(operator(C, observed), P), "")
         poses = (rows, X, C, weight, time_s, zeros, zeros)
         groups.append(RelativeAerialControl(*poses, observed=observed))
         groups.append(Datum(rows[0], X[0], C[0], (5.0, float(np.radians(2.0)))))

@@ -35,9 +35,9 @@ from matplotlib.figure import Figure
 
 import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.simulation.plug import plugged
+from insgnss.simulation.plug import import_plugged
 
-simulate_survey = plugged("published_blocks.survey").simulate_survey
+simulate_survey = import_plugged("published_blocks.survey").simulate_survey
 
 BORESIGHTS_DEG = (0.0, 0.1, 1.5)
 WAYS = tuple(mode for mode in cases.MODES if mode.startswith("F. AT"))

@@ -28,9 +28,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.simulation.plug import plugged
+from insgnss.simulation.plug import import_plugged
 
-simulate_survey = plugged("published_blocks.survey").simulate_survey
+simulate_survey = import_plugged("published_blocks.survey").simulate_survey
 
 GSD_M = 0.038
 WITHOUT = "ISO Ap Aa, no GCP"

@@ -33,10 +33,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.records.cameras.camera import pixels_of, undistorted
-from insgnss.simulation.plug import plugged
+from insgnss.records.cameras.camera import pixels_of, undistort
+from insgnss.simulation.plug import import_plugged
 
-simulate_survey = plugged("published_blocks.survey").simulate_survey
+simulate_survey = import_plugged("published_blocks.survey").simulate_survey
 
 WAYS = ("DiSO", "F. AT Ap Aa", "F. AT Ap Ra", "ISO Ap Aa")
 FAST = "F. AT Ap Ra"
@@ -135,7 +135,7 @@ def orthophoto(done: object, made: cases.SimulatedSurvey) -> Shown:
     q = np.einsum("nji,nj->ni", attitude[image], P - position[image])
     uv = pixels_of(camera, q[:, :2] / q[:, 2:])
     ideal = (uv - [true.of("cx"), true.of("cy")]) / true.of("f")
-    ray = np.column_stack([undistorted(ideal, true.interior), np.ones(len(P))])
+    ray = np.column_stack([undistort(ideal, true.interior), np.ones(len(P))])
     ray = np.einsum("nij,nj->ni", C[image], ray)
     reach = (P[:, 2] - X[image, 2]) / ray[:, 2]
     displacement = X[image, :2] + reach[:, None] * ray[:, :2] - P[:, :2]

@@ -52,7 +52,7 @@ def row(data: Path, name: str) -> str:
     start = time.process_time()
     from insgnss.geodesy.rotation import CV_RUB, opk_from_rotation, opk_jacobian
     from insgnss.io.formats.blocks.dbat import read_dbat
-    from insgnss.photogrammetry.adjust.adjustment import adjusted
+    from insgnss.photogrammetry.adjust.adjustment import adjust_problem
     from insgnss.photogrammetry.adjust.groups import control_points
     from insgnss.photogrammetry.adjust.normals import problem_of
     from insgnss.photogrammetry.adjust.precision import precision_of
@@ -64,7 +64,7 @@ def row(data: Path, name: str) -> str:
     if name == "nine parameters":
         free = tuple(n for n in INTERIOR if n not in ("b2", "k4"))
         block = replace(block, cameras=(replace(block.cameras[0], free=free),))
-    result = adjusted(problem_of(block, control_points(block.control)), first_values(block))
+    result = adjust_problem(problem_of(block, control_points(block.control)), first_values(block))
     precision = precision_of(result)
     spent = time.process_time() - start
 

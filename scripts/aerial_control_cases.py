@@ -15,12 +15,12 @@ from insgnss.photogrammetry.adjust.normals import cofactors_of
 from insgnss.photogrammetry.adjust.unknowns import POSE
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.residuals.check_points import check_points
-from insgnss.photogrammetry.block_adjustment.solve import AdjustedBlock, solved
+from insgnss.photogrammetry.block_adjustment.solve import AdjustedBlock, solve_block
 from insgnss.records.block import ImageObservations
-from insgnss.simulation.plug import plugged
+from insgnss.simulation.plug import import_plugged
 
-write_survey = plugged("published_blocks.files").write_survey
-SimulatedSurvey = plugged("published_blocks.survey").SimulatedSurvey
+write_survey = import_plugged("published_blocks.files").write_survey
+SimulatedSurvey = import_plugged("published_blocks.survey").SimulatedSurvey
 
 MODES = {  # mode and control
     "Indirect SO": ("indirect", None),
@@ -136,7 +136,7 @@ class Outcome:
 
 def solution(file: BlockFile) -> AdjustedBlock:
     """Adjust a block, without judgement."""
-    return solved(inputs_of(file, lambda _: None), lambda _: None)
+    return solve_block(inputs_of(file, lambda _: None), lambda _: None)
 
 
 def outcome(file: BlockFile, made: SimulatedSurvey, poses: bool = True) -> Outcome:

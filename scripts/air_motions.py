@@ -25,7 +25,7 @@ from insgnss.simulation.flights import (
     START_TOW,
     TURN_GRAVITY,
     FlightMotion,
-    coordinated,
+    coordinated_attitude,
     flight_along,
     gusts,
 )
@@ -73,7 +73,9 @@ def circles(
     position = np.column_stack([ring, np.full(time.size, -_FLYING_HEIGHT_M)]) + time[:, None] * wind
     position += np.stack(gust, axis=-1)
     ahead = np.stack([-np.sin(phase), np.cos(phase), np.zeros(time.size)], axis=-1) * sense
-    angles = coordinated(position, ahead, wind) + np.stack(_shaking(time.size, rng), axis=-1)
+    angles = coordinated_attitude(position, ahead, wind) + np.stack(
+        _shaking(time.size, rng), axis=-1
+    )
     return _flight("circles", position, angles, start_tow)
 
 

@@ -41,13 +41,13 @@ from scipy.stats import chi2
 from insgnss.flight.config.block_file import BlockFile, VehicleTable, load_block
 from insgnss.photogrammetry.block_adjustment.figures import figures_of
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
-from insgnss.photogrammetry.block_adjustment.solve import solved
-from insgnss.simulation.plug import plugged
+from insgnss.photogrammetry.block_adjustment.solve import solve_block
+from insgnss.simulation.plug import import_plugged
 
-road = plugged("published_blocks.road")
-write_survey = plugged("published_blocks.files").write_survey
-SURVEYS = plugged("published_blocks.plans").SURVEYS
-simulate_survey = plugged("published_blocks.survey").simulate_survey
+road = import_plugged("published_blocks.road")
+write_survey = import_plugged("published_blocks.files").write_survey
+SURVEYS = import_plugged("published_blocks.plans").SURVEYS
+simulate_survey = import_plugged("published_blocks.survey").simulate_survey
 
 WAYS = ("CC", "MC", "MC with sizes", "FC", "4 points", "MC, diagonal", "MC, all diagonal")
 HONEST = ("CC", "MC", "MC with sizes", "4 points")
@@ -103,7 +103,7 @@ def one_run(seed: int, white: bool, ways: tuple[str, ...]) -> dict[str, tuple]:
         write_survey(directory / "m", made)
         out = {}
         for way in ways:
-            done = solved(inputs_of(asked(directory / "m", way, white), quiet), quiet)
+            done = solve_block(inputs_of(asked(directory / "m", way, white), quiet), quiet)
             figures = figures_of(done)
             checks = [c for c in figures["check_points"] if "difference_m" in c]
             error = np.array([c["difference_m"] for c in checks]).reshape(-1, 3)

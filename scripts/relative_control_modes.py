@@ -24,10 +24,10 @@ import aerial_control_cases as cases
 import numpy as np
 from scipy.stats import chi2
 
-from insgnss.simulation.plug import plugged
+from insgnss.simulation.plug import import_plugged
 
-SURVEYS = plugged("published_blocks.plans").SURVEYS
-simulate_survey = plugged("published_blocks.survey").simulate_survey
+SURVEYS = import_plugged("published_blocks.plans").SURVEYS
+simulate_survey = import_plugged("published_blocks.survey").simulate_survey
 
 RELATIVE = tuple(mode for mode in cases.MODES if "Ra" in mode)
 ABSOLUTE = ("ISO Ap Aa", "F. AT Ap Aa")

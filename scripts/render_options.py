@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from insgnss.base.files import atomic_write
-from insgnss.base.wording import listed
+from insgnss.base.wording import phrase
 from insgnss.flight.config.block_file import BLOCK_TABLES
 from insgnss.flight.config.flight_file import FLIGHT_TABLES
 from insgnss.gnss.covariance_model import MODEL, CovarianceModel
 from insgnss.io.formats import EXPORTS
 from insgnss.io.options.camera_options import OF_FURTHER
-from insgnss.io.options.schema import Declared, declared, options_of
+from insgnss.io.options.schema import Declared, declared_options, options_of
 
 PAGES = tuple(
     Path(name)
@@ -100,7 +100,7 @@ def _covariance() -> str:
     """The keys of gnss.covariance."""
     rows = [
         [f"`{item.name}`", value_words(item), default_words(item), item.option.meaning]
-        for item in declared(CovarianceModel).values()
+        for item in declared_options(CovarianceModel).values()
     ]
     return _table(["key of the table", "value", "default", "meaning"], rows)
 
@@ -159,7 +159,7 @@ def value_words(item: Declared) -> str:
     elif stated.members is not None:
         words = [f"table of {', '.join(stated.members())}"]
     elif kind == "gm_sigma":
-        words = [f"number, {listed([_literal(word) for word in item.choices])}"]
+        words = [f"number, {phrase([_literal(word) for word in item.choices])}"]
     else:
         words = [_FORMS.get(kind) or f"{item.count} numbers"]
     if stated.unit:
@@ -171,7 +171,7 @@ def value_words(item: Declared) -> str:
 def _choices(item: Declared) -> str:
     if item.kind == "letters":
         return f"letters of {''.join(map(str, item.choices))}"
-    return listed([_literal(word) for word in item.choices])
+    return phrase([_literal(word) for word in item.choices])
 
 
 def _range(item: Declared) -> str:

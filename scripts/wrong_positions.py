@@ -67,10 +67,10 @@ from insgnss.simulation.image_block import (
     under_images,
 )
 from insgnss.simulation.image_block import _draw_terrain as rolling
-from insgnss.simulation.plug import plugged
+from insgnss.simulation.plug import import_plugged
 
 Array = np.ndarray
-gauss_markov = plugged("published_blocks.pose_errors").gauss_markov
+gauss_markov = import_plugged("published_blocks.pose_errors").gauss_markov
 
 ORIGIN = (np.radians(46.57), np.radians(6.54), 450.0)
 WEEK, FIRST_TOW, CRS, GEOID_M = 2300, 200000.0, "EPSG:32632", 48.3

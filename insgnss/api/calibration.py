@@ -72,7 +72,7 @@ def calibrate_tripod(
     """
     from ..photogrammetry.mounting_calibration.tripod_files import calibrate_tripod as calibrate
 
-    return _written(calibrate(Path(poses), Path(pins), TripodOptions(**options)), out, force)
+    return _write_mounting(calibrate(Path(poses), Path(pins), TripodOptions(**options)), out, force)
 
 
 @heard
@@ -118,7 +118,7 @@ def calibrate_similarity(
     )
 
     result = calibrate(Path(cameras), Path(antenna), SimilarityOptions(**options))
-    return _written(result, out, force)
+    return _write_mounting(result, out, force)
 
 
 @heard
@@ -166,7 +166,7 @@ def calibrate_materialise(
 
     sessions = tuple(Path(path) for path in receiver)
     chosen = MaterialiseOptions(receiver=sessions, **options)
-    return _written(calibrate(Path(camera), Path(mounted), chosen), out, force)
+    return _write_mounting(calibrate(Path(camera), Path(mounted), chosen), out, force)
 
 
 @heard
@@ -210,15 +210,19 @@ def calibrate_mounting(
     InputError : a file is wrong, or the poses are not of this flight.
     DataError : the data do not support the answer.
     """
-    from ..photogrammetry.mounting_calibration.flight_products import calibrated
+    from ..photogrammetry.mounting_calibration.flight_products import flight_result
     from ..photogrammetry.mounting_calibration.in_flight import calibrate_mounting as calibrate
 
     recorded, assumptions = flight_of(flight), Assumptions(**options)
     solved = calibrate(recorded, Path(poses), assumptions)
-    return _written(calibrated(solved, recorded, assumptions.photo, assumptions.date), out, force)
+    return _write_mounting(
+        flight_result(solved, recorded, assumptions.photo, assumptions.date), out, force
+    )
 
 
-def _written(result: "CalibratedMounting", out: Source | None, force: bool) -> "CalibratedMounting":
-    from ..photogrammetry.mounting_calibration.products import written
+def _write_mounting(
+    result: "CalibratedMounting", out: Source | None, force: bool
+) -> "CalibratedMounting":
+    from ..photogrammetry.mounting_calibration.products import write_mounting
 
-    return result if out is None else written(result, Path(out), force)
+    return result if out is None else write_mounting(result, Path(out), force)

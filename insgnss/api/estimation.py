@@ -12,7 +12,7 @@ from ..base.errors import UsageError
 from ..base.wording import spoken_as
 from ..flight.config.barometer_options import BarometerInput
 from ..flight.config.filter_options import FilterOptions, InitialAttitude
-from ..flight.config.flight_file import Flight, Output, changed
+from ..flight.config.flight_file import Flight, Output, change_flight
 from ..flight.config.gnss_options import GnssInput
 from ..flight.config.imu_options import ImuInput
 from ..flight.processing.pipeline import ProcessResult, process
@@ -169,7 +169,7 @@ def estimate(
         )
         _refuse_ambiguous(flight, changes)
         keywords = [name for name in signature(estimate).parameters if name != "changes"]
-        flight = changed(flight, changes, keywords)
+        flight = change_flight(flight, changes, keywords)
         return process(flight, progress=progress, write=False)
 
 

@@ -106,7 +106,7 @@ def within(begin_share: float, end_share: float) -> Iterator[None]:
         _range.pop()
 
 
-def converged(step: float, longest: float, last: float) -> float:
+def converged_share(step: float, longest: float, last: float) -> float:
     """Return the share of an iteration that is done, by the orders of magnitude of its steps.
 
     Parameters

@@ -36,7 +36,7 @@ HELPERS = 2  # processes: beside `run_forward`, which takes half of all compilin
 _started: list["subprocess.Popen[bytes]"] = []
 
 
-def listed() -> dict[str, list[Any]]:
+def listed_kernels() -> dict[str, list[Any]]:
     """Return the kernels of `kernels.json` with the types of their arguments."""
     kernels: dict[str, list[Any]] = json.loads(KERNELS_FILE.read_text("utf-8"))
     return kernels
@@ -44,7 +44,7 @@ def listed() -> dict[str, list[Any]]:
 
 def compile_ahead() -> None:
     """Start helpers where kernels of the filter are missing on disk and processors are to spare."""
-    names = [name for name in listed() if name.startswith(ROOMS)]
+    names = [name for name in listed_kernels() if name.startswith(ROOMS)]
     longest = _attribute(names[0])
     if _started or processors() < 2 or not Path(sys.executable or "").name.startswith("python"):
         return  # a program that embeds Python names itself: it would be started once more
@@ -90,7 +90,7 @@ def help_out(names: list[str]) -> None:
     """
     threading.Thread(target=_end_with_starter, daemon=True).start()
     warnings.filterwarnings("error", "compiled functions cannot be kept")  # then it helps nobody
-    kernels = listed()
+    kernels = listed_kernels()
     for name in names:
         if unkept(_attribute(name)) and take_turn(_attribute(name), wait=False):
             compile_kernel(name, kernels[name])

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from .received.trusted import contents_withheld, instead, without_text
-from .wording import named, setting
+from .wording import setting, spell
 
 UNSET: Any = object()
 WORDS_SHOWN = 120  # characters of a library's message: the rest is its own affair (chosen)
@@ -66,7 +66,7 @@ class OptionError(UsageError):
 
     def __init__(self, key: str, problem: str, value: Any = UNSET) -> None:
         self.key, self.problem, self.value = key, problem, value
-        option = named(key) if value is UNSET else setting(key, value)
+        option = spell(key) if value is UNSET else setting(key, value)
         super().__init__(f"{option}: {problem}")
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -142,7 +142,7 @@ class DataError(InsgnssError):
 
 
 @contextmanager
-def installed(problem: str, path: object = None) -> Iterator[None]:
+def required_library(problem: str, path: object = None) -> Iterator[None]:
     """Refuse the import of a library that is not installed.
 
     Parameters
@@ -193,18 +193,18 @@ def legible(path: object, problem: str, *passing: type[Exception]) -> Iterator[N
         raise InputError.at_line(path, None, problem.format(words_of(error))) from None
 
 
-def unwritten(path: object, error: OSError, advice: str, done: str = "written") -> UsageError:
+def unwritten_error(path: object, error: OSError, advice: str, done: str = "written") -> UsageError:
     """Return the error for a file that the system does not write, in its words."""
     return UsageError(f"{path}: cannot be {done}: {error.strerror or error}; {advice}")
 
 
 @contextmanager
 def writing(path: object, advice: str, done: str = "written") -> Iterator[None]:
-    """Raise UsageError, `unwritten`, where the system refuses."""
+    """Raise UsageError, `unwritten_error`, where the system refuses."""
     try:
         yield
     except OSError as error:
-        raise unwritten(path, error, advice, done) from None
+        raise unwritten_error(path, error, advice, done) from None
 
 
 def words_of(error: Exception) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError, UsageError, unwritten
+from .errors import InputError, UsageError, unwritten_error
 from .output.staging import FREE, Staging, together
 
 CONTEXT = 40  # characters shown beside an undecodable one (-): the name around it fits in a line
@@ -73,7 +73,7 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
         except FileNotFoundError:
             raise UsageError(f"{goal}: the directory does not exist; create it first") from None
         except OSError as error:
-            raise unwritten(goal, error, FREE) from None
+            raise unwritten_error(goal, error, FREE) from None
         except UnicodeEncodeError as error:  # a name of the file system that is in the text
             context = error.object[max(error.start - CONTEXT, 0) : error.end + CONTEXT].split("\n")
             word = next(
@@ -110,7 +110,7 @@ def json_text(document: Mapping[str, Any]) -> str:
     return json.dumps(json_ready(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def picked(of: object, *names: str) -> dict[str, Any]:
+def pick_attributes(of: object, *names: str) -> dict[str, Any]:
     """Return attributes of a record by name, as its JSON has them."""
     return {name: getattr(of, name) for name in names}
 
@@ -120,7 +120,7 @@ def is_pattern(name: str | Path) -> bool:
     return any(sign in str(name) for sign in "*?") and not Path(name).is_file()
 
 
-def expanded(paths: Iterable[Path]) -> tuple[Path, ...]:
+def expand_patterns(paths: Iterable[Path]) -> tuple[Path, ...]:
     """Return paths with the files of each pattern in its place, by name; one without files stays.
 
     Parameters

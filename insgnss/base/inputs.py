@@ -72,7 +72,7 @@ def reading(before: Mapping[str, Identity] | None = None) -> Iterator[dict[str, 
             _READ.reset(token)
 
 
-def rewritten(path: Path) -> None:
+def forget_content(path: Path) -> None:
     """Forget a file, or the files of a directory, that the run itself has replaced."""
     if files := _READ.get():
         name = os.path.realpath(path)
@@ -94,7 +94,7 @@ def identity_of(state: os.stat_result) -> Identity:
     return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns
 
 
-def opened(path: Source) -> BufferedReader:
+def open_bytes(path: Source) -> BufferedReader:
     """Open a file to read its bytes.
 
     Parameters
@@ -125,7 +125,7 @@ def opened(path: Source) -> BufferedReader:
 
 
 def check_input(path: Source) -> None:
-    """Raise what `opened` raises, before a library opens the file by its own means."""
+    """Raise what `open_bytes` raises, before a library opens the file by its own means."""
     _check(path, os.stat(path))
     refuse_unfinished(Path(path))
 
@@ -147,16 +147,16 @@ def _check(path: Source, state: os.stat_result) -> None:
 
 
 def read_bytes(path: Source) -> bytes:
-    """Return the bytes of a file. Raises what `opened` raises."""
-    with opened(path) as stream:
+    """Return the bytes of a file. Raises what `open_bytes` raises."""
+    with open_bytes(path) as stream:
         return stream.read()
 
 
 def opened_text(
     path: Source, encoding: str = "utf-8", errors: str = "strict", newline: str | None = None
 ) -> TextIO:
-    """Open a file to read its text, as `open` does. Raises what `opened` raises."""
-    return io.TextIOWrapper(opened(path), encoding, errors, newline)
+    """Open a file to read its text, as `open` does. Raises what `open_bytes` raises."""
+    return io.TextIOWrapper(open_bytes(path), encoding, errors, newline)
 
 
 def read_text(path: Source, encoding: str = "utf-8", errors: str = "strict") -> str:
@@ -165,7 +165,7 @@ def read_text(path: Source, encoding: str = "utf-8", errors: str = "strict") -> 
     Raises
     ------
     UnicodeDecodeError
-        With `errors` "strict"; and what `opened` raises.
+        With `errors` "strict"; and what `open_bytes` raises.
     """
     return read_bytes(path).decode(encoding, errors).replace("\r\n", "\n").replace("\r", "\n")
 
@@ -181,13 +181,13 @@ def readable(path: Source, advice: str = "check path and permission") -> Iterato
 
 def first_bytes(path: Source, count: int, advice: str = "check the path") -> bytes:
     """Return a file's first bytes behind a byte order mark. Raises InputError for no such file."""
-    with readable(path, advice), opened(path) as stream:
+    with readable(path, advice), open_bytes(path) as stream:
         return stream.read(count).removeprefix(BOM)
 
 
 def sha256(path: Source) -> str:
-    """Return the SHA-256 hash of a file's bytes, hexadecimal. Raises what `opened` raises."""
-    with opened(path) as stream:
+    """Return the SHA-256 hash of a file's bytes, hexadecimal. Raises what `open_bytes` raises."""
+    with open_bytes(path) as stream:
         key = os.path.realpath(path), identity_of(os.fstat(stream.fileno()))
         if key not in _HASHES or time.time_ns() - key[1][-1] <= SETTLED_NS:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()

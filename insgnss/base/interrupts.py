@@ -46,7 +46,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 
 @contextmanager
-def deferred() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Hold signals that end a run back until the block is over; their own handlers run then.
 
     In another thread than the main one nothing is held back: Python runs no handler there.

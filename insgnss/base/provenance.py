@@ -18,7 +18,7 @@ from . import __version__
 from .errors import UsageError
 from .inputs import sha256
 from .output.scratch import SCRATCH_NAME
-from .output.staging import destination, written
+from .output.staging import destination, written_path
 from .received.nesting import read_object
 from .wording import command_line, relative
 
@@ -110,7 +110,7 @@ def hashes_of_products(files: Iterable[Path], folder: Path) -> dict[str, str]:
     """
     named = {Path(relative(destination(path), folder)): path for path in sorted(files)}
     return {
-        name.as_posix(): sha256(written(path))
+        name.as_posix(): sha256(written_path(path))
         for name, path in named.items()
         if not any(map(SCRATCH_NAME.fullmatch, name.parts))  # of a scratch directory that stayed
     }

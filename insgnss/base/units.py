@@ -257,7 +257,7 @@ def parse_quantity(text: object, dimension: str) -> float:
     return value * unit.scale
 
 
-def rounded(value: float, unit: str, digits: int) -> float:
+def round_in_unit(value: float, unit: str, digits: int) -> float:
     """Round `value` (SI) to so many digits in `unit`; SI, as `parse_quantity` reads the text."""
     return parse_quantity(f"{value / parse_unit(unit).scale:.{digits}g} {unit}", unit)
 

@@ -17,7 +17,7 @@ import zlib
 from collections.abc import Callable
 from functools import partial
 
-from .errors import DataError, InputError, UsageError, installed
+from .errors import DataError, InputError, UsageError, required_library
 from .memory import GB, available
 from .wording import DOCTOR
 
@@ -172,7 +172,7 @@ def unpack(path: object, data: bytes) -> bytes:
         if data.startswith(COMPRESS):
             return _unpack_compress(path, data)
         if data.startswith((GZIP, BZIP2)):
-            return _gathered(path, data, partial(_inflate, data))
+            return _count_and_fill(path, data, partial(_inflate, data))
     except DAMAGED as error:
         why = " ".join(str(error).split())[:200] or type(error).__name__
         problem = f"cannot be unpacked: {why}; copy it again from its source"
@@ -215,7 +215,7 @@ class _Bounded(io.RawIOBase):
         return view.nbytes
 
 
-def _gathered(path: object, data: bytes, fill: Callable[[_Bounded], object]) -> bytes:
+def _count_and_fill(path: object, data: bytes, fill: Callable[[_Bounded], object]) -> bytes:
     """Return what `fill` writes; far more than of any recording is counted first."""
     stream = _Bounded(path, len(data), USUAL_UNPACKED_RATIO * len(data))
     fill(stream)
@@ -261,6 +261,6 @@ def _unpack_zip(path: object, data: bytes) -> bytes:
 def _unpack_compress(path: object, data: bytes) -> bytes:
     """Return the bytes of a file that `compress` packed (.Z)."""
     problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack the file; {DOCTOR}"
-    with installed(problem, path):
+    with required_library(problem, path):
         import ncompress
-    return _gathered(path, data, partial(ncompress.decompress, data))
+    return _count_and_fill(path, data, partial(ncompress.decompress, data))

@@ -1,7 +1,7 @@
 """How a message names an option: as a key of the flight file, or as an option of the command line.
 
 A message deep inside a room says which option the user is to change, and only the border knows how
-this user writes it. `named` and `setting` write it as the flight file does, unless a verb of the
+this user writes it. `spell` and `setting` write it as the flight file does, unless a verb of the
 command line has said otherwise:
 
     named("gnss.antex")                        gnss.antex
@@ -76,16 +76,16 @@ def spoken_as(
         _DOOR.reset(token)
 
 
-def named(key: str) -> str:
+def spell(key: str) -> str:
     """Name of the option that the flight file calls `key`, as the present caller writes it."""
     return _DOOR.get().name(key)
 
 
-def written(key: str, example: str) -> str:
+def fill_in(key: str, example: str) -> str:
     """The option `key` with a value to be filled in: `example` of the flight file, unless the
     caller writes it otherwise, as `written("columns [...]", "columns = [...]")` is --columns NAMES.
     """
-    option = named(key)
+    option = spell(key)
     return example if option == key else option
 
 
@@ -114,7 +114,7 @@ def toml(value: Any, width: float = float("inf")) -> str:
 
 def setting(key: str, value: Any) -> str:
     """The option `key` with a value, as the present caller writes it."""
-    option = named(key)
+    option = spell(key)
     if option == key or (option.islower() and option.isidentifier()):  # of Python
         return f"{option} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
     if isinstance(value, bool):
@@ -156,7 +156,7 @@ def some(items: Iterable[object], most: int = 3, mark: str = ", ") -> str:
     return f"{mark.join(texts[:most])}{more}"
 
 
-def listed(choices: Sequence[object]) -> str:
+def phrase(choices: Sequence[object]) -> str:
     """The words in one phrase, "a, b or c"."""
     *first, last = map(str, choices)
     return f"{', '.join(first)} or {last}" if first else last

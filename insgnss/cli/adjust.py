@@ -109,12 +109,12 @@ def block_of(options: argparse.Namespace) -> BlockFile:
 
 def _is_project(path: Path) -> bool:
     """Tell whether a file is a project of a photogrammetry program, with its own image points."""
-    from ..io.formats.blocks.reading import recognised
+    from ..io.formats.blocks.reading import recognise_format
 
     if path.suffix.lower() == ".json":  # an orientation
         return False
     try:
-        return recognised(path) in ("dbat", "metashape", "colmap", "bingo")
+        return recognise_format(path) in ("dbat", "metashape", "colmap", "bingo")
     except InputError:
         return False
 
@@ -136,11 +136,11 @@ def run(options: argparse.Namespace, progress: Progress) -> Result | Judged:
     """Do what the parsed command line asks for."""
     file = block_of(options)
     if options.plan:
-        from ..photogrammetry.block_adjustment.plan import planned
+        from ..photogrammetry.block_adjustment.plan import plan_block
         from ..photogrammetry.block_adjustment.run import directory_of
 
         out = directory_of(file, options.out)
-        return planned(file, progress, out)
+        return plan_block(file, progress, out)
     from ..photogrammetry.block_adjustment.run import adjust
 
     flight = None

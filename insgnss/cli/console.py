@@ -112,7 +112,7 @@ class Progress:
             self._terminal.flush()
 
 
-def fitted(text: str, width: int | None = None) -> str:
+def fit_to_width(text: str, width: int | None = None) -> str:
     """Return a text whose lines a terminal holds, the rest of a long one indented below it.
 
     Parameters

@@ -165,10 +165,10 @@ def noise_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) -
         atomic_write(out, text)
         return Exported(out, "", (note,), format=arguments.format)
 
-    return _written(arguments, folder / CONSUMER_FORMS[arguments.format][0], write, progress)
+    return _write_export(arguments, folder / CONSUMER_FORMS[arguments.format][0], write, progress)
 
 
-def _written(
+def _write_export(
     arguments: argparse.Namespace,
     product: Path,
     write: "Callable[[Path], Exported]",
@@ -240,7 +240,7 @@ def export_verb(arguments: argparse.Namespace, progress: Callable[[str], None]) 
     def write(out: Path) -> "Exported":
         return export(eo, arguments.format, out, target, arguments.rename, **options)
 
-    exported = _written(arguments, product, write, progress)
+    exported = _write_export(arguments, product, write, progress)
     return exported if moved is None else replace(exported, notes=(*exported.notes, moved.sentence))
 
 
@@ -336,7 +336,9 @@ def _positions_verb(arguments: argparse.Namespace, progress: Callable[[str], Non
     def write(out: Path) -> "Exported":
         return export_positions(positions, arguments.format, out, target)
 
-    exported = _written(arguments, arguments.eo.parent / export_format.product, write, progress)
+    exported = _write_export(
+        arguments, arguments.eo.parent / export_format.product, write, progress
+    )
     return replace(exported, notes=(*exported.notes, *notes))
 
 

@@ -81,13 +81,13 @@ def run() -> NoReturn:
     raise_on_termination()
     keep_freed()
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
-    code = main(expanded(sys.argv[1:]) if os.name == "nt" else None)
+    code = main(expand_arguments(sys.argv[1:]) if os.name == "nt" else None)
     gc.freeze()  # nor is there anything to look for at the end
     ignore_endings()
     sys.exit(code)
 
 
-def expanded(arguments: Sequence[str]) -> list[str]:
+def expand_arguments(arguments: Sequence[str]) -> list[str]:
     """Return the words of a command with patterns of files (flight*.csv) replaced by the files.
 
     The shells of Windows leave that to the program. A pattern that fits nothing stays.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
-from ..base.files import atomic_write, expanded, json_ready, picked
+from ..base.files import atomic_write, expand_patterns, json_ready, pick_attributes
 from ..base.inputs import is_file
 from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
@@ -17,8 +17,8 @@ from ..flight.config.flight_file import TangentPlaneTable
 from ..flight.config.gnss_options import GnssInput
 from ..gnss.ppk_options import Air, RawGnss, all_of
 from ..io.options.camera_options import CameraInput, ImageMatch, RoverEvents
-from ..io.options.kinds import accepted
-from ..io.options.schema import argument, declared
+from ..io.options.kinds import accept_value
+from ..io.options.schema import argument, declared_options
 from .console import Progress
 from .verb import Verb
 
@@ -88,7 +88,7 @@ class PpkRun:
         charts : sequence of Chart
             Those of its series, for the page.
         """
-        from ..report.document import Document, checked, dotted, pairs
+        from ..report.document import Document, checks_section, dotted_keys, pairs
         from ..report.verdict import worst_of
 
         result, request = self.result, self.request
@@ -113,9 +113,11 @@ class PpkRun:
                 findings if grade not in ("good", "poor") else [],
                 findings if grade == "poor" else [],
             ),
-            (*charts, checked(result.checks), pairs("Figures of merit", merits)),
+            (*charts, checks_section(result.checks), pairs("Figures of merit", merits)),
             [*all_of(request.rover), *all_of(request.base), *request.navigation],
-            settings={k: v for k, v in dotted(json_ready(asdict(request))) if v not in NOT_GIVEN},
+            settings={
+                k: v for k, v in dotted_keys(json_ready(asdict(request))) if v not in NOT_GIVEN
+            },
             versions=engine,
             files=self.files,
         )
@@ -127,7 +129,7 @@ class PpkRun:
         result, request = self.result, self.request
         return {
             "insgnss": __version__,
-            **picked(result, "engine", "cpu_s", "verdict", "quality"),
+            **pick_attributes(result, "engine", "cpu_s", "verdict", "quality"),
             "checks": [check.as_dict() for check in result.checks],
             "input": asdict(request),
             **self.origin,
@@ -145,12 +147,12 @@ def ppk(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
     """
     with spoken_as(names_of()):
         try:
-            return _solved(arguments, progress)
+            return _solve_and_write(arguments, progress)
         except OptionError as error:
             raise UsageError(f"ppk: {error}") from error
 
 
-def _solved(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
+def _solve_and_write(arguments: argparse.Namespace, progress: Progress) -> PpkRun:
     """Return the solved run, with all its files written or none."""
     inputs = input_of(arguments)
     origin = None
@@ -278,7 +280,7 @@ def _refuse_contradictions(arguments: argparse.Namespace, raw: Mapping[str, Any]
 
 def one_or_several(paths: Sequence[Path]) -> Path | tuple[Path, ...]:
     """The files that the command line names, each pattern in it replaced by its files."""
-    files = expanded(paths)
+    files = expand_patterns(paths)
     return files[0] if len(files) == 1 else files
 
 
@@ -304,7 +306,7 @@ def geodetic_position(coordinates: Any, key: str) -> Any:
     """
     import numpy as np
 
-    lat, lon, height = accepted(declared(RawGnss)["base_position"], coordinates, key)
+    lat, lon, height = accept_value(declared_options(RawGnss)["base_position"], coordinates, key)
     return np.array([np.radians(lat), np.radians(lon), height])
 
 

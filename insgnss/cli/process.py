@@ -34,11 +34,11 @@ class ProcessRequest:
 
 def run(options: argparse.Namespace, progress: Progress) -> Result:
     """Do what the parsed command line asks for."""
-    from ..flight.config.load import load_flight, remounted, with_engine
+    from ..flight.config.load import load_flight, with_engine, with_mounting_file
 
     flight = load_flight(options.flight)
     if options.mounting is not None:
-        flight = remounted(flight, options.mounting)
+        flight = with_mounting_file(flight, options.mounting)
     if options.engine is not None:
         flight = with_engine(flight, options.engine)
     from ..batch.season.earlier import earlier_flights

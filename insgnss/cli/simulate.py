@@ -85,7 +85,7 @@ class SimulateRequest(Checked):
 def run(options: argparse.Namespace, progress: Progress) -> Message:
     """Do what the parsed command line asks for."""
     if options.flight in PUBLISHED_BLOCKS:
-        return _published(options, progress)
+        return _write_published_block(options, progress)
     if options.unknown_boresight is not None:
         blocks = ", ".join(PUBLISHED_BLOCKS)
         raise UsageError(f"--unknown-boresight is only for --flight {blocks}; leave it out")
@@ -120,7 +120,7 @@ def run(options: argparse.Namespace, progress: Progress) -> Message:
     return Message(message, {"flight": flight_file})
 
 
-def _published(options: argparse.Namespace, progress: Progress) -> Message:
+def _write_published_block(options: argparse.Namespace, progress: Progress) -> Message:
     """Write an image block of the literature."""
     for name in ("minutes", "imu_rate", "vibration", "raw_gnss", "block", "gross_errors"):
         if getattr(options, name) not in (None, False):
@@ -129,10 +129,10 @@ def _published(options: argparse.Namespace, progress: Progress) -> Message:
                 f"{option} has no effect with --flight {options.flight}, which has the dimensions"
                 f" of its paper and no simulated sensors; leave {option} out"
             )
-    from ..simulation.plug import plugged
+    from ..simulation.plug import import_plugged
 
-    simulate_survey = plugged("published_blocks.survey").simulate_survey
-    write_survey = plugged("published_blocks.files").write_survey
+    simulate_survey = import_plugged("published_blocks.survey").simulate_survey
+    write_survey = import_plugged("published_blocks.files").write_survey
 
     progress(f"simulating {options.flight}")
     boresight_deg = options.unknown_boresight or 0.0

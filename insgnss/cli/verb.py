@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from ..base.errors import InsgnssError
 from ..flight.config.command_line import add_options, made_of
-from .console import Parser, Progress, fitted, print_json, report_error
+from .console import Parser, Progress, fit_to_width, print_json, report_error
 
 
 class Result(Protocol):
@@ -125,7 +125,7 @@ def _show(options: argparse.Namespace, progress: Progress, result: Result | Judg
         refused = {} if refusal is None else {"error": error, "exit_code": refusal.exit_code}
         print_json(result.as_dict() | refused)
     else:
-        print(fitted(result.summary(), None if sys.stdout.isatty() else 0))
+        print(fit_to_width(result.summary(), None if sys.stdout.isatty() else 0))
     if refusal is None:
         return 0
     report_error(f"error: {error}", refusal.exit_code, as_json=False)

@@ -93,7 +93,7 @@ CAMERA_SETS["kpo"] = AngleSet(  # omega, phi, kappa composed in the reverse orde
 BODY_SETS = {"rpy": AngleSet(("roll", "pitch", "heading"), rpy_from_rotation, rotation_from_rpy)}
 
 
-def exchanged(names: Sequence[str]) -> Iterator[Convention]:
+def exchanged_orders(names: Sequence[str]) -> Iterator[Convention]:
     """Return the other orders of columns, two exchanged or all.
 
     Parameters
@@ -177,7 +177,7 @@ def angles(
     iterator of Convention
         Each with the change that undoes it.
     """
-    changes = {"angles exchanged": exchanged, "sign of angles": reversed_signs}
+    changes = {"angles exchanged": exchanged_orders, "sign of angles": reversed_signs}
     for name, conventions in changes.items():
         for convention in conventions(read_as.names):
             change = _after(convention.change, read_as.rotation)

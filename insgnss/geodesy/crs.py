@@ -302,7 +302,7 @@ def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
         For a grid that PROJ does not read or that does not reach the points.
     """
     grid = geoid_file(geoid)
-    return -transformed(
+    return -transform_points(
         geoid_transformer(grid), above(grid), np.degrees(lon), np.degrees(lat), np.zeros(lat.size)
     )[2]
 
@@ -411,7 +411,7 @@ def transformer_between(source: Any, target: Any) -> Any:
         raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {advice}") from None
 
 
-def transformed(
+def transform_points(
     transformer: Any,
     name: str,
     x: Array,

@@ -20,7 +20,7 @@ from .crs import (
     crs_of,
     moves,
     source_crs,
-    transformed,
+    transform_points,
     transformer_between,
     undulation,
 )
@@ -140,7 +140,7 @@ def geodetic_from_geographic(
         source_crs(datum, epoch), crs if crs.is_compound else crs.to_3d()
     )
     x, y, z = coordinates.T
-    lon, lat, h = transformed(transformer, crs.name, x, y, z, inverse=True, epoch=epoch)
+    lon, lat, h = transform_points(transformer, crs.name, x, y, z, inverse=True, epoch=epoch)
     lat, lon = np.radians(lat), np.radians(lon)
     return lat, lon, h if geoid is None else h + undulation(geoid, lat, lon)
 
@@ -193,7 +193,7 @@ def between_datums(
     degrees = np.degrees(lon), np.degrees(lat)
     epoch = next(iter(epochs), None)
     try:
-        x, y, h = transformed(transformer, crs_to.name, *degrees, h, epoch=epoch)
+        x, y, h = transform_points(transformer, crs_to.name, *degrees, h, epoch=epoch)
     except InputError:
         if grids := lacking_grids(crs_to.name, crs_from, crs_to, lat, lon, "its datum"):
             raise InputError(grids) from None

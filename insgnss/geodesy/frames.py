@@ -66,15 +66,15 @@ def ecef_to_geodetic(xyz: ArrayLike) -> tuple[Array, Array, Array]:
     xyz = np.asarray(xyz, dtype=np.float64)
     x, y, z = xyz[..., 0], xyz[..., 1], xyz[..., 2]
     p = np.hypot(x, y)
-    sin, cos = _normalised(B * z * (1.0 + EP2 * B / np.hypot(p, z)), A * p)
-    sin, cos = _normalised(z + EP2 * B * sin**3, p - E2 * A * cos**3)
-    sin, cos = _normalised(B * sin, A * cos)
-    sin, cos = _normalised(z + EP2 * B * sin**3, p - E2 * A * cos**3)
+    sin, cos = _normalised_sine_cosine(B * z * (1.0 + EP2 * B / np.hypot(p, z)), A * p)
+    sin, cos = _normalised_sine_cosine(z + EP2 * B * sin**3, p - E2 * A * cos**3)
+    sin, cos = _normalised_sine_cosine(B * sin, A * cos)
+    sin, cos = _normalised_sine_cosine(z + EP2 * B * sin**3, p - E2 * A * cos**3)
     h = p * cos + z * sin - A * np.sqrt(1.0 - E2 * sin**2)
     return np.arctan2(sin, cos), np.arctan2(y, x), h
 
 
-def _normalised(sin: Array, cos: Array) -> tuple[Array, Array]:
+def _normalised_sine_cosine(sin: Array, cos: Array) -> tuple[Array, Array]:
     length = np.hypot(sin, cos)
     return sin / length, cos / length
 

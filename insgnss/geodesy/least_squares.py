@@ -195,7 +195,7 @@ class NormalEquations:
         return sums
 
 
-def adjusted(
+def gauss_newton(
     linearised: Callable[[], Sequence[Equations]],
     move: Callable[[Array], None],
     limit: float,
@@ -237,7 +237,7 @@ def adjusted(
     return normals, False
 
 
-def conditioned(cov: Array, A: Array, e: Array, V: Array) -> tuple[Array, Array]:
+def condition_on(cov: Array, A: Array, e: Array, V: Array) -> tuple[Array, Array]:
     """Return what further observations would change.
 
     Parameters

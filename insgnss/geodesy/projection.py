@@ -47,7 +47,7 @@ from .crs import (
     is_projected,
     not_metric,
     source_crs,
-    transformed,
+    transform_points,
     transformer_between,
 )
 from .earth import curvature_radii
@@ -209,7 +209,7 @@ class MapProjection:
         h = h if self.crs.is_compound else h_crs
         epoch = self._epoch if self.crs.is_compound else None
         try:
-            _, _, z = transformed(
+            _, _, z = transform_points(
                 self._heights, self.heights, np.degrees(lon), np.degrees(lat), h, epoch=epoch
             )
         except InputError:
@@ -245,7 +245,7 @@ class MapProjection:
     def _coordinates_in_datum(self, lat: Array, lon: Array, h: Array) -> Array:
         """Return easting, northing, m, and the height above the ellipsoid of the CRS's datum."""
         self._refuse_missing_grid(lat, lon)
-        x, y, z = transformed(
+        x, y, z = transform_points(
             self._horizontal, self.name, np.degrees(lon), np.degrees(lat), h, epoch=self._epoch
         )
         unit = self.units[0].metres
@@ -296,7 +296,7 @@ class MapProjection:
         """
         x = np.asarray(coordinates, dtype=np.float64)
         plan = x[:, :2] / self.units[0].metres
-        lon, lat, _ = transformed(
+        lon, lat, _ = transform_points(
             self._horizontal, self.name, plan[:, 0], plan[:, 1], x[:, 2], True, self._epoch
         )
         lat, lon, h = np.radians(lat), np.radians(lon), x[:, 2].copy()
@@ -466,7 +466,7 @@ class MapProjection:
         of_datum = transformer_between(
             self.horizontal.geodetic_crs.to_3d(), self.horizontal.to_3d()
         )
-        x, y, _ = transformed(of_datum, self.name, np.degrees(lon), np.degrees(lat), h)
+        x, y, _ = transform_points(of_datum, self.name, np.degrees(lon), np.degrees(lat), h)
         difference = np.column_stack([x, y]) * self.units[0].metres - self.forward_horizontal(
             lat, lon, h
         )

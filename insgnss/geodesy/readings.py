@@ -15,7 +15,7 @@ from .conventions import (
     Change,
     Convention,
     angles,
-    exchanged,
+    exchanged_orders,
     lengths,
     reversed_signs,
 )
@@ -40,7 +40,9 @@ def of_positions(units: bool = True, rows: bool = True) -> Iterator[Convention]:
     iterator of Convention
         For positions (n, 3).
     """
-    yield from (convention for convention in exchanged(XYZ) if "exchanged" in convention.words)
+    yield from (
+        convention for convention in exchanged_orders(XYZ) if "exchanged" in convention.words
+    )
     yield from reversed_signs(XYZ, most=1)
     if units:
         yield from lengths("coordinates")
@@ -76,7 +78,7 @@ def of_attitudes(
     yield Convention("angles of the camera x right, y down", lambda C: C @ CV_RUB)
 
 
-def suspected(
+def suspected_readings(
     source: str, conventions: Iterable[Convention], read: Callable[[Data, Change], Data]
 ) -> Iterator[Candidate[Data]]:
     """Return candidates for a file.

@@ -70,7 +70,7 @@ def without_wet_delay(
     )
     source = "standard atmosphere" if air is None else "given atmosphere"
     ask = Question("GNSS wet delay", f"a correction from the {source}; the engine leaves it out")
-    return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
+    return _move_fixes(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
 
 
 def without_ionosphere(
@@ -119,7 +119,7 @@ def without_ionosphere(
             f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_SHARE_REMOVED:.0f} % are"
             f" needed) of their variance: they are uncertain by {sigma:.1f} mm"
         )
-    return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
+    return _move_fixes(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
 
 
 def _at_base(air: Atmosphere | Mapping[str, float] | None, base_ecef: Array) -> Atmosphere | None:
@@ -129,7 +129,7 @@ def _at_base(air: Atmosphere | Mapping[str, float] | None, base_ecef: Array) -> 
     return air
 
 
-def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
+def _move_fixes(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
     """Add a correction (n, 3), m NED, and its covariance (n, 3, 3), m^2, to the fixes."""
     lat, lon, height = moved_geodetic(fixes.lat, fixes.lon, fixes.height, ned)
     return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + cov)

@@ -4,7 +4,7 @@ positions would give.
 
 from dataclasses import fields, replace
 
-from ..base.files import picked
+from ..base.files import pick_attributes
 from ..io.exposures.naming import ImageMatch
 from .covariance_model import MODEL, CovarianceModel
 from .options import options_at
@@ -57,9 +57,11 @@ def solve_raw_gnss(
 
 def ppk_input(raw: RawGnss) -> PpkInput:
     """Return the input of the solver that raw observations and their options are."""
-    settings = picked(raw, *(f.name for f in fields(EngineSettings)))
+    settings = pick_attributes(raw, *(f.name for f in fields(EngineSettings)))
     return PpkInput(
-        **picked(raw, "rover", "base", "navigation", "wet_delay", "ionosphere", "atmosphere"),
+        **pick_attributes(
+            raw, "rover", "base", "navigation", "wet_delay", "ionosphere", "atmosphere"
+        ),
         options=options_at(raw.base_position, **settings),
         velocity=raw.phase_velocity,
     )

@@ -47,10 +47,10 @@ from typing import Any, Literal
 
 from ..base.errors import InputError, OptionError
 from ..base.inputs import read_text
-from ..base.wording import named, setting
+from ..base.wording import setting, spell
 from ..geodesy.frames import geodetic_to_ecef
-from ..io.options.kinds import accepted
-from ..io.options.schema import declared
+from ..io.options.kinds import accept_value
+from ..io.options.schema import declared_options
 from ..records import Finding, Question
 from .ppk_options import EngineSettings, Point, RawGnss
 from .rinex.header import RinexHeader
@@ -127,7 +127,7 @@ class EngineOptions(EngineSettings):
             return
         if self.base_point is None:
             message = (
-                f"needs {named('gnss.base_point')}: say whether the position is that of the"
+                f"needs {spell('gnss.base_point')}: say whether the position is that of the"
                 " antenna's phase centre (apc), its reference point (arp) or the marker"
             )
             raise OptionError("gnss.base_position", message)
@@ -150,8 +150,8 @@ def options_at(base_position: tuple[float, ...] | None, **settings: Any) -> Engi
     """
     if base_position is None:
         return EngineOptions(**settings)
-    option = declared(RawGnss)["base_position"]
-    lat, lon, height = accepted(option, base_position, "gnss.base_position")
+    option = declared_options(RawGnss)["base_position"]
+    lat, lon, height = accept_value(option, base_position, "gnss.base_position")
     ecef = geodetic_to_ecef(math.radians(lat), math.radians(lon), height).tolist()
     settings["base_point"] = settings.get("base_point") or "apc"
     return EngineOptions(base_position_m=tuple(ecef), **settings)
@@ -172,7 +172,7 @@ def base_position(
     approx = base.approx_position_m
     if approx is None:
         message = (
-            f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the"
+            f"no APPROX POSITION XYZ in the header and no {spell('gnss.base_position')}; give the"
             " base's coordinates"
         )
         raise InputError.in_file(base.path, message)
@@ -201,7 +201,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     try:
         antennas = "\n" + read_text(options.antex, errors="replace")
     except OSError as error:
-        raise InputError.unread(options.antex, error, f"check {named('gnss.antex')}") from None
+        raise InputError.unread(options.antex, error, f"check {spell('gnss.antex')}") from None
     kind = base.antenna.split()[0] if base.antenna.split() else ""
     if not kind or f"\n{kind}" not in antennas:
         message = (
@@ -232,7 +232,7 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Finding, 
     )
     advice = (
         "every epoch is solved without the help of its neighbours; log faster in flight, or set"
-        f" {DYNAMICS_KEY} in {named('gnss.rtklib_options')}"
+        f" {DYNAMICS_KEY} in {spell('gnss.rtklib_options')}"
     )
     expected = f"on, with epochs every {longest:.1f} s at most"
     return (Question("engine dynamics", expected).note(finding, advice),)

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from ..base.files import picked
+from ..base.files import pick_attributes
 from ..base.output.scratch import scratch_directory
 from ..base.output.staging import together
 from ..geodesy.frames import ecef_to_geodetic
 from ..geodesy.gpstime import WEEK_S
-from ..io.exposures.match import check_delay, delayed
+from ..io.exposures.match import check_delay, delay_events
 from ..io.exposures.naming import ImageMatch, events_of, named
 from ..io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from ..navigation.prepare.fix_covariance.classes import (
@@ -41,7 +41,7 @@ from .antenna_files import SOLUTION_FILE
 from .corrections import with_velocity, without_ionosphere, without_wet_delay
 from .covariance_model import MODEL, CovarianceModel
 from .engine.base_coordinates import check_base_point
-from .engine.convert import converted, log_format
+from .engine.convert import convert_log, log_format
 from .engine.normalised import MIXED_CODES
 from .engine.preflight import check_rover_antenna, within_navigation
 from .engine.rtklib import EngineRun, Progress, solve
@@ -61,7 +61,7 @@ from .quality.solution_quality import (
     verdict,
 )
 from .rinex.camera_events import RoverEvents, camera_events, unasked_events
-from .rinex.joined import joined
+from .rinex.joined import join_observations
 from .rinex.navigation_message import read_navigation
 from .rinex.observation_record import Observations
 from .rinex.observations import read_observations
@@ -257,7 +257,9 @@ def _solved_in(ppk_input: PpkInput, directory: Path, say: Progress) -> PpkResult
     if MIXED_CODES in "".join(run.codes):
         summary += f"; codes of the rover {run.codes[0]}, of the base {run.codes[1]}"
     fixes = replace(fixes, source=str(ppk_input.rover), notes=())
-    files = picked(run, "combined", "forward", "backward") | {"solution": directory / SOLUTION_FILE}
+    files = pick_attributes(run, "combined", "forward", "backward") | {
+        "solution": directory / SOLUTION_FILE
+    }
     files |= {f"options of {direction}": path for direction, path in run.option_files.items()}
     series = solution_series(
         solved.combined, solved.kind, *solved.from_base, solved.separation, signals
@@ -289,9 +291,9 @@ def _solve_joined(
         joined_files = []
         for files, name in ((ppk_input.rover, "rover"), (ppk_input.base, "base")):
             folder = scratch / name
-            rinex = [converted(file, folder, ppk_input.navigation) for file in all_of(files)]
+            rinex = [convert_log(file, folder, ppk_input.navigation) for file in all_of(files)]
             logs += [check for file in rinex for check in file.checks]
-            joined_files.append(joined([file.path for file in rinex], folder / "joined"))
+            joined_files.append(join_observations([file.path for file in rinex], folder / "joined"))
         rover, base = joined_files
         result = solve_ppk(
             replace(ppk_input, rover=rover.path, base=base.path), directory, progress
@@ -405,7 +407,7 @@ def _at_exposures(
     """Events at the middles of their exposures, GPST: the clock is that of the stamps, so that it
     is taken off before the delay comes.
     """
-    return delayed(
+    return delay_events(
         events if isinstance(ppk_input.events, Path) else to_gpst(events, rover, fixes),
         ppk_input.camera_delay_s,
     )

@@ -12,9 +12,17 @@ from typing import Any, Literal
 
 from ..base.errors import OptionError
 from ..base.units import is_number
-from ..base.wording import named
-from ..io.options.kinds import OptionKind, accepted, as_number, by_name, check, no_mapping, register
-from ..io.options.schema import Declared, Triple, declared, option
+from ..base.wording import spell
+from ..io.options.kinds import (
+    OptionKind,
+    accept_value,
+    as_number,
+    by_name,
+    check,
+    no_mapping,
+    register,
+)
+from ..io.options.schema import Declared, Triple, declared_options, option
 
 Point = Literal["apc", "arp", "marker"]
 
@@ -198,7 +206,7 @@ def _no_rtklib(item: Declared, value: Any) -> str:
 
 def _no_air(item: Declared, name: str, value: Any) -> str:
     try:
-        accepted(declared(Air)[name], value, name)
+        accept_value(declared_options(Air)[name], value, name)
     except OptionError as refusal:
         return refusal.problem
     return ""
@@ -214,7 +222,7 @@ def rtklib_problem(name: str, value: object) -> str:
         return f"{name[:60]!r} is not the name of an RTKLIB option, such as pos2-arminfix"
     if _OURS.match(name):
         keys = (
-            f"{named(key)} sets it"
+            f"{spell(key)} sets it"
             for prefix, key in _SET_BY_KEY.items()
             if name.startswith(prefix)
         )

@@ -87,7 +87,9 @@ def _refuse_times(who: str, values: Any) -> None:
         )
 
 
-def frozen(record: Any, name: str, shape: tuple[int | None, ...], finite: bool = True) -> Array:
+def freeze_field(
+    record: Any, name: str, shape: tuple[int | None, ...], finite: bool = True
+) -> Array:
     """Replace a field by a read-only contiguous float64 array, checked for shape and finiteness.
 
     `shape` holds None for a length that may be any; without `finite` any value may stand.
@@ -115,10 +117,10 @@ def frozen(record: Any, name: str, shape: tuple[int | None, ...], finite: bool =
 
 
 def freeze(record: Any, shapes: Mapping[str, tuple[int | None, ...]]) -> None:
-    """Freeze the arrays of a record as `frozen` does; None may be one whose default is None."""
+    """Freeze the arrays of a record as `freeze_field` does; with the default None, None stays."""
     for name, shape in shapes.items():
         if getattr(record, name) is not None or getattr(type(record), name, ...) is not None:
-            frozen(record, name, shape)
+            freeze_field(record, name, shape)
 
 
 def frozen_integers(record: Any, name: str) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
-from ._checked import Array, frozen, frozen_integers
+from ._checked import Array, freeze_field, frozen_integers
 
 INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 RADIAL = INTERIOR[5:9]  # k1 to k4
@@ -59,7 +59,7 @@ class BrownCamera:
     fisheye: bool = False
 
     def __post_init__(self) -> None:
-        values = frozen(self, "interior", (len(INTERIOR),))
+        values = freeze_field(self, "interior", (len(INTERIOR),))
         object.__setattr__(self, "free", tuple(self.free))
         if min(self.width, self.height) <= 0 or values[0] <= 0.0 or not self.unit_px > 0.0:
             raise InputError(
@@ -135,7 +135,7 @@ class InteriorCovariance:
 
     def __post_init__(self) -> None:
         d = len(self.parameters)
-        cov = frozen(self, "cov", (d, d))
+        cov = freeze_field(self, "cov", (d, d))
         if self.parameters != tuple(name for name in INTERIOR if name in self.parameters):
             raise InputError(
                 f"covariance of a camera: {', '.join(self.parameters)} are not parameters in the"
@@ -183,11 +183,11 @@ class ImageObservations:
     correlation: Array = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        n = frozen(self, "uv", (None, 2)).shape[0]
-        frozen(self, "sigma_px", (n, 2))
+        n = freeze_field(self, "uv", (None, 2)).shape[0]
+        freeze_field(self, "sigma_px", (n, 2))
         if self.correlation is None:
             object.__setattr__(self, "correlation", np.zeros(n))
-        frozen(self, "correlation", (n,))
+        freeze_field(self, "correlation", (n,))
         for name in ("image", "point"):
             rows = frozen_integers(self, name)
             if rows.shape != (n,) or (rows < 0).any():
@@ -290,8 +290,8 @@ class GroundPoints:
     cov: Array
 
     def __post_init__(self) -> None:
-        n = frozen(self, "position_m", (None, 3)).shape[0]
-        frozen(self, "cov", (n, 3, 3))
+        n = freeze_field(self, "position_m", (None, 3)).shape[0]
+        freeze_field(self, "cov", (n, 3, 3))
         rows = frozen_integers(self, "point")
         if rows.shape != (n,):
             raise InputError(

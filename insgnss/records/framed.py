@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.units import METRE, LengthUnit
-from ._checked import Array, freeze, frozen
+from ._checked import Array, freeze, freeze_field
 from .cameras.rig import RigImages
 
 FRAME_KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
@@ -140,7 +140,7 @@ class FramedOrientation:
         freeze(self, {"C_fc": (n, 3, 3), "C_fE": (n, 3, 3)})
         freeze(self, {"boresight": (3, 3), "camera_from_body": (3, 3)})
         if self.cross is not None:
-            frozen(self, "cross", (max(n - 1, 0), 6, 6))
+            freeze_field(self, "cross", (max(n - 1, 0), 6, 6))
 
     @property
     def C_cb(self) -> Array:

@@ -30,7 +30,7 @@ LONGEST_BRIDGE_S = 1.0
 """
 
 
-def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
+def interpolate_trajectory(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
     """Return the trajectory at `time` (k,), s, after (T.1) and (T.2).
 
     Parameters

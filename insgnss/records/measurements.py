@@ -14,7 +14,7 @@ import numpy as np
 from ..base.errors import InputError
 from ..geodesy.frames import LocalFrame
 from ..geodesy.rotation import rpy_from_rotation
-from ._checked import Array, frozen, increasing
+from ._checked import Array, freeze_field, increasing
 
 NOT_SI = {
     **dict.fromkeys(("deg", "degree", "degrees", "°", "mrad", "gon"), "rad"),
@@ -235,15 +235,15 @@ class Measurement:
             raise InputError(f"Measurement.name: {self.name!r}, expected a text that names it")
         values = np.asarray(self.values)
         set_field(self, "values", values[:, None] if values.ndim == 1 else values)
-        time = frozen(self, "time", (None,))
+        time = freeze_field(self, "time", (None,))
         increasing(self, time)
         components = np.shape(self.values)[-1] if np.ndim(self.values) else 0
-        frozen(self, "values", (time.size, components))
+        freeze_field(self, "values", (time.size, components))
         if not 1 <= components <= MOST_VALUES:
             problem = f"{components} values at an instant, limit {MOST_VALUES}"
             raise self._refusal(f"{problem}; split it into several")
         set_field(self, "cov", self._covariance(time.size, components))
-        frozen(self, "cov", (time.size, components, components))
+        freeze_field(self, "cov", (time.size, components, components))
         positive = np.linalg.eigvalsh(self.cov)[:, 0] > 0.0
         if not positive.all():
             row = int(np.argmin(positive))

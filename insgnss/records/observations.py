@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from ..geodesy.gpstime import WEEK_S
-from ._checked import Array, float_array, freeze, frozen, increasing
+from ._checked import Array, float_array, freeze, freeze_field, increasing
 from .rows import Rows, RowShapes
 from .verdicts import Finding
 
@@ -163,8 +163,8 @@ class Increments:
     bridged: Array | None = None
 
     def __post_init__(self) -> None:
-        n = frozen(self, "dt", (None,)).size
-        m = frozen(self, "marks", (None,)).size
+        n = freeze_field(self, "dt", (None,)).size
+        m = freeze_field(self, "marks", (None,)).size
         freeze(self, {"dtheta": (n, 3), "dvel": (n, 3), "rate": (m, 3), "bridged": (m, 6)})
         increasing(self, self.marks)
 
@@ -236,11 +236,11 @@ class GnssFixes(Rows):
         super().__post_init__()
         n = len(self)
         if self.velocity_ned is not None:
-            frozen(self, "velocity_ned", (n, 3))
-            frozen(self, "velocity_cov_ned", (n, 3, 3))
+            freeze_field(self, "velocity_ned", (n, 3))
+            freeze_field(self, "velocity_cov_ned", (n, 3, 3))
         for name in OF_THE_SOLUTION:
             if getattr(self, name) is not None:
-                frozen(self, name, (n,), finite=False)
+                freeze_field(self, name, (n,), finite=False)
         freeze(self, {"base_ecef": (3,)})
         if n < 1:
             raise InputError(f"{self.source or 'GnssFixes'}: no fix; give one at least")

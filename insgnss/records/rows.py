@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import DataError, InputError, UsageError
 from ..base.wording import DOCTOR
-from ._checked import Array, freeze, frozen, increasing
+from ._checked import Array, freeze, freeze_field, increasing
 
 if TYPE_CHECKING:
     import pandas
@@ -123,14 +123,14 @@ class Rows:
     def _freeze_rows(self) -> int:
         """Check and freeze names and arrays, and return how many rows there are."""
         if self._NAMES is None:
-            n = frozen(self, "time", (None,)).size
+            n = freeze_field(self, "time", (None,)).size
         else:
             names = tuple(getattr(self, self._NAMES))
             object.__setattr__(self, self._NAMES, names)
             n = len(names)
         freeze(self, {name: (n, *of) for name, of in self._ROWS.items() if of is not None})
         if self._CROSS is not None and getattr(self, self._CROSS) is not None:
-            frozen(self, self._CROSS, (max(n - 1, 0), *(self._ROWS["cov"] or ())))
+            freeze_field(self, self._CROSS, (max(n - 1, 0), *(self._ROWS["cov"] or ())))
         return n
 
     def __len__(self) -> int:

@@ -89,9 +89,11 @@ class Trajectory(Rows):
         ------
         DataError : an instant is outside the trajectory, or in a gap of more than 1 s.
         """
-        from .interpolation import interpolated
+        from .interpolation import interpolate_trajectory
 
-        return interpolated(self, np.atleast_1d(np.asarray(time_s, dtype=np.float64)), tolerance_s)
+        return interpolate_trajectory(
+            self, np.atleast_1d(np.asarray(time_s, dtype=np.float64)), tolerance_s
+        )
 
     def _details(self) -> list[str]:
         return [f"{1.0 / float(np.median(np.diff(self.time))):.4g} Hz"] if len(self) > 1 else []

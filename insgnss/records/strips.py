@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ._checked import Array, freeze, frozen, frozen_integers
+from ._checked import Array, freeze, freeze_field, frozen_integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class StripCovariance:
         rows = frozen_integers(self, "rows")
         if rows.ndim != 1 or (np.diff(rows) <= 0).any():
             raise InputError("StripCovariance.rows: they must be one-dimensional and increase")
-        frozen(self, "cov", (6 * rows.size, 6 * rows.size))
+        freeze_field(self, "cov", (6 * rows.size, 6 * rows.size))
 
     @property
     def blocks(self) -> Array:

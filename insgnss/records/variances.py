@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ._checked import Array, frozen
+from ._checked import Array, freeze_field
 
 MAD_TO_SIGMA = 1.482602218505602  # of normal deviates: 1 / Phi^-1(3/4)
 
@@ -64,7 +64,7 @@ class WaveletVariance:
 
     def __post_init__(self) -> None:
         for name in ("level", "variance", "low", "high", "count"):
-            a = frozen(self, name, (np.size(self.level),))
+            a = freeze_field(self, name, (np.size(self.level),))
             if (a <= 0).any():
                 raise InputError(
                     f"WaveletVariance.{name}: {a.min():g}; all values must be greater than zero"

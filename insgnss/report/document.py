@@ -24,11 +24,11 @@ from ..base.provenance import circumstances
 from .charts.chart import Chart
 from .charts.encoded import script_safe
 from .markup import (
-    charted,
+    chart_place,
     closing,
-    embedded,
+    embed_json,
     escape,
-    folded,
+    fold_content,
     opening,
     sentence,
     table,
@@ -121,7 +121,9 @@ class Table:
         cells = [[_inline(cell) for cell in row] for row in self.rows]
         whole = table(cells, [*map(_inline, self.head)], self.numbers)
         return (
-            folded(f"{len(cells)} {self.name}", whole) if len(cells) > MOST_UNFOLDED_ROWS else whole
+            fold_content(f"{len(cells)} {self.name}", whole)
+            if len(cells) > MOST_UNFOLDED_ROWS
+            else whole
         )
 
     def lines(self) -> Iterator[str]:
@@ -197,7 +199,7 @@ class Section:
         )
         if self.more:
             first, more = map(_soft_paragraph, (self.more[:FEW_REMARKS], self._further))
-            inside += first + (folded(self._number_of_further, more) if self._further else "")
+            inside += first + (fold_content(self._number_of_further, more) if self._further else "")
         return f"<h2>{escape(self.title)}</h2>\n{inside}" if inside else ""
 
     def lines(self) -> Iterator[str]:
@@ -292,7 +294,7 @@ class Document:
         unabridged = not any(isinstance(section, Section) and section.brief for section in shown)
 
         def placed(section: Section | Chart) -> str:
-            html = charted(section) if isinstance(section, Chart) else section.html()
+            html = chart_place(section) if isinstance(section, Chart) else section.html()
             brief = unabridged or (section.map if isinstance(section, Chart) else section.brief)
             return html if brief or not html else f'<div class="{APPENDIX}">\n{html}</div>\n'
 
@@ -313,7 +315,7 @@ class Document:
         yield top
         yield with_contents(body, "" if unabridged else APPENDIX)
         yield origin
-        yield from (embedded(name, script_safe(block)) for name, block in data.items())
+        yield from (embed_json(name, script_safe(block)) for name, block in data.items())
         yield from closing(charts, twin_sha256)
 
     def _made_from(self) -> Iterator[Section]:
@@ -359,7 +361,7 @@ def write_json(path: Path, numbers: Mapping[str, Any]) -> None:
     atomic_write(path, json_text(numbers))
 
 
-def checked(checks: Iterable[Finding], title: str = "Checks", on: Shown = "both") -> Section:
+def checks_section(checks: Iterable[Finding], title: str = "Checks", on: Shown = "both") -> Section:
     """Return the section of what was checked, with the verdicts in colour.
 
     Parameters
@@ -387,7 +389,7 @@ class _Checks(Table):
         return (f"{VERDICT_MARKS[verdict]}  {name}: {says}" for name, verdict, says in self.rows)
 
 
-def limited(limits: Iterable[Finding], worst: str = "") -> list[Marked]:
+def limit_sentences(limits: Iterable[Finding], worst: str = "") -> list[Marked]:
     """Return what limits a result as sentences, each with what would help.
 
     Parameters
@@ -414,11 +416,11 @@ def pairs(title: str, of: Mapping[str, object]) -> Section:
     return Section(title, [Table(rows, name="keys")], "page")
 
 
-def dotted(of: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+def dotted_keys(of: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
     """Yield the values of nested tables by their dotted keys, as in the flight file."""
     for key, value in of.items():
         if isinstance(value, Mapping) and value:
-            yield from dotted(value, f"{prefix}{key}.")
+            yield from dotted_keys(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
 

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from .charts.chart import Chart
-from .charts.encoded import CHARTS_KEY, encoded
+from .charts.encoded import CHARTS_KEY, encode_charts
 
 Row = Sequence[str]
 
@@ -36,12 +36,12 @@ def closing(charts: Sequence[Chart], report_sha256: str) -> Iterator[str]:
 
     Parameters
     ----------
-    charts : what `charted` has places for in the page, which draws them itself.
+    charts : what `chart_place` has places for in the page, which draws them itself.
     report_sha256 : SHA-256 of the text of report.json of the same run, for `insgnss figures`.
     """
     yield "</main>\n"
     if charts:
-        yield embedded(CHARTS_KEY, encoded(charts, report_sha256))
+        yield embed_json(CHARTS_KEY, encode_charts(charts, report_sha256))
         licence = asset("uplot/LICENSE").strip()
         library = asset("uplot/uPlot.iife.min.js").strip()
         yield f"<script>\n/*! uPlot, https://github.com/leeoniya/uPlot\n\n{licence}\n*/\n"
@@ -55,12 +55,12 @@ def asset(name: str) -> str:
     return (ASSETS / name).read_text(encoding="utf-8")
 
 
-def embedded(name: str, text: str) -> str:
-    """Data of the page: JSON made by `encoded` or `script_safe`, under an id."""
+def embed_json(name: str, text: str) -> str:
+    """Data of the page: JSON made by `encode_charts` or `script_safe`, under an id."""
     return f'<script type="application/json" id="{name}">{text}</script>\n'
 
 
-def charted(chart: Chart) -> str:
+def chart_place(chart: Chart) -> str:
     """The place of a chart with its title and how to read it; the page's script draws it there."""
     return (
         f'<figure id="{escape(chart.name)}" class="chart">\n<h2>{escape(chart.title)}</h2>\n'
@@ -126,6 +126,6 @@ def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
     return f'<div class="{kind}"><table>\n{top}<tbody>\n{body}</tbody>\n</table></div>\n'
 
 
-def folded(title: str, content: str) -> str:
+def fold_content(title: str, content: str) -> str:
     """Content behind a line that opens it."""
     return f"<details><summary>{escape(title)}</summary>\n{content}</details>\n"

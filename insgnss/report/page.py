@@ -34,7 +34,7 @@ from ..geodesy.gpstime import DAY_S, calendar_from_gps
 from ..records import Array, Diagnostics, ExteriorOrientation
 from . import sections
 from .charts.chart import Background, Chart
-from .charts.encoded import packed
+from .charts.encoded import pack_array
 from .charts.run import charts, track_rows
 from .coverage import outages, segments
 from .document import Document, Section
@@ -111,9 +111,9 @@ def track(run: Diagnostics) -> dict[str, str]:
     """Return where the flight was at which minute, for the map to follow the charts."""
     rows = track_rows(run)
     return {
-        "minutes": packed((run.time[rows] - run.time[0]) / 60.0),
-        "east": packed(run.position[rows, 1]),
-        "north": packed(run.position[rows, 0]),
+        "minutes": pack_array((run.time[rows] - run.time[0]) / 60.0),
+        "east": pack_array(run.position[rows, 1]),
+        "north": pack_array(run.position[rows, 0]),
     }
 
 
@@ -318,7 +318,7 @@ def _sections(
         yield sections.images(s)
     yield sections.flight_lines(s)
     yield sections.earlier(s)
-    yield sections.hidden(s)
+    yield sections.hidden_section(s)
     yield sections.settings(s)
     if moving:
         yield sections.fixes_by_line(s)
@@ -333,5 +333,5 @@ def _sections(
     yield sections.constants(s)
     yield from of("constants", "separation", "gnss-solution", "gnss-signals", *pending)
     if moving:
-        yield from (sections.rejected(s), sections.gaps(s))
+        yield from (sections.rejected_section(s), sections.gaps(s))
     yield from (sections.segments_and_stationary_periods(s), sections.checks(s))

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from ..base.errors import InputError, UsageError
-from ..base.output.staging import staged
+from ..base.output.staging import staged_path
 from .charts.files import charts_of
 from .document import APPENDIX
 
@@ -78,7 +78,7 @@ def print_page(
             f"report: none of {', '.join(BROWSERS)} is on the path; install one, or print"
             f" {page} from any browser"
         )
-    with TemporaryDirectory(prefix="insgnss-") as profile, staged(file) as out:
+    with TemporaryDirectory(prefix="insgnss-") as profile, staged_path(file) as out:
         options = ["--headless", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer"]
         if getattr(os, "geteuid", lambda: 1)() == 0:
             options.append("--no-sandbox")  # root has none

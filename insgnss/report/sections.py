@@ -6,7 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from ..base.findings import Finding, ranked
-from .document import Drawing, Marked, Section, Table, checked, dotted, limited, pairs, strong
+from .document import (
+    Drawing,
+    Marked,
+    Section,
+    Table,
+    checks_section,
+    dotted_keys,
+    limit_sentences,
+    pairs,
+    strong,
+)
 from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
 from .rules.wording import NED_NAMES, at_time, clock, lengths, millimetres, no_fix, span
@@ -51,11 +61,13 @@ def limits(summary: Summary) -> Section:
     usable = summary["use"]["verdict"] == USE
     introduction = [Marked(NO_MATTER, "soft")] if usable and listed else []
     matter = [] if usable else [remark for remark in listed if remark.rank >= 1.0][:MOST_SENTENCES]
-    unimportant = limited(remark for remark in listed if remark not in matter)
-    return Section("Remarks", [*introduction, *limited(matter)], more=unimportant, brief=True)
+    unimportant = limit_sentences(remark for remark in listed if remark not in matter)
+    return Section(
+        "Remarks", [*introduction, *limit_sentences(matter)], more=unimportant, brief=True
+    )
 
 
-def hidden(summary: Summary) -> Section:
+def hidden_section(summary: Summary) -> Section:
     """Return what no data of the flight can reveal."""
     caption = (
         "no flight data reveal these errors; the sigmas include an error only where its row says so"
@@ -390,7 +402,7 @@ def _constant(state: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def rejected(summary: Summary) -> Section:
+def rejected_section(summary: Summary) -> Section:
     """Return the fixes that were not used."""
     rejected_fixes, first_s, withheld = (
         summary["rejected"],
@@ -460,13 +472,13 @@ def checks(summary: Summary) -> Section:
     """Return the checks of the input, of which the sentences above have what matters."""
     keys = ("name", "found", "expected", "verdict", "advice")
     listed = [Finding(*(check[key] for key in keys)) for check in summary["checks"]]
-    return checked(listed, "Checks of the input", "page")
+    return checks_section(listed, "Checks of the input", "page")
 
 
 def made_from(summary: Summary) -> Iterator[Section]:
     """History, resolved flight file, hashes of the inputs, versions, and times."""
     yield Section("What was done", summary["history"], "page")
-    yield pairs("The flight file, resolved", dict(dotted(summary["flight"])))
+    yield pairs("The flight file, resolved", dict(dotted_keys(summary["flight"])))
     yield pairs("Inputs (SHA-256)", summary["inputs_sha256"])
     yield pairs("The run", summary["run"])
     yield pairs("Versions", summary["versions"])

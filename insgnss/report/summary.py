@@ -20,7 +20,7 @@ from ..records import Array, Diagnostics, Estimate, ExteriorOrientation
 from .charts.gnss import VALIDATED_CODES
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import flight_lines, image_sigmas, line_figures
-from .rules.hidden import hidden
+from .rules.hidden import hidden_errors
 from .rules.needs import stated_need
 from .rules.use import JudgedPlaces, use
 from .rules.verdict import headline, limits, verdict
@@ -165,7 +165,7 @@ def run_summary(
     figures["use"] = json_ready(judged)
     figures["hidden_errors"] = [
         {"name": error.name, "effect": error.found, "help": error.advice}
-        for error in hidden(figures)
+        for error in hidden_errors(figures)
     ]
     first = {
         "headline": f"{figures['use']['sentence']}: {headline(figures)}",

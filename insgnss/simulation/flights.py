@@ -166,11 +166,11 @@ def _control_points(
     position = base + gaussian_filter1d(
         position - base, ONSET_S / MOTION_KNOT_S, axis=0, mode="nearest"
     )
-    angles = coordinated(position, forward, plan.wind_l)
+    angles = coordinated_attitude(position, forward, plan.wind_l)
     return np.hstack([position, angles + np.radians(np.stack(gust[2:], axis=-1))])
 
 
-def coordinated(position: Array, ahead: Array, wind: Array) -> Array:
+def coordinated_attitude(position: Array, ahead: Array, wind: Array) -> Array:
     """Return roll, pitch, unwrapped yaw (n, 3), rad (F.1, F.2), of positions (n, 3), m, at knots.
 
     Parameters

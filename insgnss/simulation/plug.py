@@ -11,7 +11,7 @@ from ..base.errors import UsageError
 PACKAGE_PARENT = Path(__file__).parents[1]  # this file stands one folder deep
 
 
-def plugged(module: str) -> Any:
+def import_plugged(module: str) -> Any:
     """Import a module of a package in benchmarks/.
 
     Parameters

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from insgnss.base.advance import converged, listening, share, through, within
+from insgnss.base.advance import converged_share, listening, share, through, within
 from insgnss.cli.console import LONG_STEP_S, REPEATED_S, Progress
 
 
@@ -87,8 +87,8 @@ def test_another_thread_says_nothing_but_that_it_compiles():
 )
 def test_an_iteration_has_come_as_far_as_its_steps_have_fallen(step, longest, last, done):
     """Oracle: two of four orders of magnitude; no further than its end."""
-    assert converged(step, longest, last) == pytest.approx(done)
-    assert converged(last, last, last) == 1.0
+    assert converged_share(step, longest, last) == pytest.approx(done)
+    assert converged_share(last, last, last) == 1.0
 
 
 def test_the_line_is_no_longer_than_the_terminal(clock, monkeypatch):

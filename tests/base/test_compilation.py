@@ -370,8 +370,8 @@ def test_what_others_may_have_written_is_not_run(twice, tmp_path):
     for file_owner, file_mode, owner, mode, expected in table:
         file = SimpleNamespace(st_uid=file_owner, st_mode=file_mode | stat.S_IFREG)
         source = SimpleNamespace(st_uid=owner, st_mode=mode | stat.S_IFREG)
-        assert kept._trusted(file, source) is expected
-    assert not kept._trusted(SimpleNamespace(st_uid=me + 1, st_mode=0o100644), None)
+        assert kept._is_trusted_owner(file, source) is expected
+    assert not kept._is_trusted_owner(SimpleNamespace(st_uid=me + 1, st_mode=0o100644), None)
     assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
     _files(tmp_path)[1].chmod(0o666)
     assert (twice(), twice()) == ((2.0, 0), (2.0, 1))

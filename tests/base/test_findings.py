@@ -1,8 +1,8 @@
 """What to do about a finding, in the way in which each caller writes options."""
 
 from insgnss.base.findings import Question, check_lines
-from insgnss.base.findings.remedies import SetKey, Step, joined
-from insgnss.base.wording import named, spoken_as
+from insgnss.base.findings.remedies import SetKey, Step, join_remedies
+from insgnss.base.wording import spell, spoken_as
 
 UNIT = SetKey("imu.units gyro", "deg/s", "rad/s")
 REMEDY = Step("the values look like {}; check {imu.columns} too", UNIT)
@@ -26,11 +26,11 @@ def test_a_caller_without_the_option_is_told_what_to_do_instead() -> None:
     multiply = {"imu.units gyro": lambda unit, instead: f"{unit}: multiply gyro of {instead}"}
     with spoken_as({"imu.axes": "imu_axes"}), spoken_as(lambda key, name: f"<{name}>", multiply):
         assert str(UNIT) == "deg/s: multiply gyro of rad/s"
-        assert str(joined((REMEDY, "or not"), "; ")) == (
+        assert str(join_remedies((REMEDY, "or not"), "; ")) == (
             "the values look like deg/s: multiply gyro of rad/s; check <imu.columns> too; or not"
         )
-        assert named("imu.axes") == "<imu_axes>"
-    assert named("imu.axes") == "imu.axes"
+        assert spell("imu.axes") == "<imu_axes>"
+    assert spell("imu.axes") == "imu.axes"
 
 
 def test_what_is_in_order_needs_no_remedy() -> None:

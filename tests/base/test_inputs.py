@@ -10,7 +10,7 @@ import pytest
 from insgnss.base.beside import Beside
 from insgnss.base.errors import InputError
 from insgnss.base.files import atomic_write
-from insgnss.base.inputs import check_input, opened, read_bytes, read_text, reading, sha256
+from insgnss.base.inputs import check_input, open_bytes, read_bytes, read_text, reading, sha256
 from insgnss.base.output.unfinished import UNFINISHED_MARK
 from insgnss.cli.main import main
 
@@ -45,7 +45,7 @@ def test_a_file_that_changed_after_it_was_read_is_refused(file: Path, change) ->
         assert read_bytes(file) == b"1.0 2.0\n"
         assert sha256(file) == hashlib.sha256(b"1.0 2.0\n").hexdigest()
         change(file)
-        for read in (read_bytes, sha256, check_input, opened):
+        for read in (read_bytes, sha256, check_input, open_bytes):
             with pytest.raises(InputError, match=CHANGED):
                 read(file)
     content = file.read_bytes()

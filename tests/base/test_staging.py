@@ -22,8 +22,13 @@ from insgnss.base.output.scratch import (
     scratch_directory,
     sweep,
 )
-from insgnss.base.output.staging import is_vacant, staged, together
-from insgnss.base.output.unfinished import UNFINISHED_MARK, is_unfinished, marked, refuse_unfinished
+from insgnss.base.output.staging import is_vacant, staged_path, together
+from insgnss.base.output.unfinished import (
+    UNFINISHED_MARK,
+    is_unfinished,
+    marked_names,
+    refuse_unfinished,
+)
 
 OLD = {"eo.json": "old", "report.json": "old", "Ori/a.xml": "old", "own.txt": "of the user"}
 NEW = {"eo.json": "new", "report.json": "new", "Ori/a.xml": "new", "Ori/b.xml": "new"}
@@ -235,11 +240,11 @@ def test_a_mark_keeps_names_until_they_are_written_anew(root: Path) -> None:
     """Oracle: the names; one that is gone is not named by what is read."""
     (root / "out" / UNFINISHED_MARK).write_text('["eo.json", "old.csv", "report.json"]')
     atomic_write(root / "out" / "own.txt", "another export")
-    assert marked(root / "out") == {"eo.json", "old.csv", "report.json"}
+    assert marked_names(root / "out") == {"eo.json", "old.csv", "report.json"}
     atomic_write(root / "out" / "eo.json", "new")
     assert [is_unfinished(root / "out" / name) for name in ("eo.json", "report.json")] == [0, 1]
     move(root)
-    assert marked(root / "out") == {"old.csv"}
+    assert marked_names(root / "out") == {"old.csv"}
 
 
 @pytest.mark.parametrize("planted", ["{", "[" * 100_000, "5", "null"])
@@ -249,7 +254,7 @@ def test_what_others_planted_for_a_mark_refuses_and_does_nothing_else(
     """Oracle: the files; the link is replaced and not followed."""
     (root / "victim").write_text(planted)
     (root / "out" / UNFINISHED_MARK).symlink_to(root / "victim")
-    assert marked(root / "out") is None
+    assert marked_names(root / "out") is None
     assert is_unfinished(root / "out" / "eo.json")
     move(root)
     assert content(root) == AFTER | {"victim": planted}
@@ -385,7 +390,7 @@ def test_a_block_within_another_one_moves_with_that(tmp_path: Path) -> None:
     with together() as staging:
         with pytest.raises(ValueError):
             atomic_write(tmp_path / "a", cut())
-        with staged(tmp_path / "b") as work:
+        with staged_path(tmp_path / "b") as work:
             work.write_text("b")
         into = staging.tree(tmp_path / "new")
         with pytest.raises(ValueError):

@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from insgnss.base import wording
-from insgnss.cli.main import expanded
+from insgnss.cli.main import expand_arguments
 
 
 def test_a_path_on_another_drive_is_written_in_full(monkeypatch):
@@ -39,4 +39,11 @@ def test_patterns_of_files_are_expanded_where_the_shell_does_not(tmp_path, monke
         (tmp_path / name).write_text("", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     words = ["tune", "s*.csv", "--columns=*", "none*.csv", "x.txt"]
-    assert expanded(words) == ["tune", "s1.csv", "s2.csv", "--columns=*", "none*.csv", "x.txt"]
+    assert expand_arguments(words) == [
+        "tune",
+        "s1.csv",
+        "s2.csv",
+        "--columns=*",
+        "none*.csv",
+        "x.txt",
+    ]

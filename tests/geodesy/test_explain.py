@@ -11,7 +11,7 @@ from insgnss.geodesy.conventions import (
     CAMERA_SETS,
     XYZ,
     angles,
-    exchanged,
+    exchanged_orders,
     lengths,
     orders,
     reversed_signs,
@@ -21,7 +21,9 @@ from insgnss.geodesy.explain import Candidate, best_shift, explain
 from insgnss.geodesy.rotation import vector_from_rotation
 
 SIGMA = 0.02  # of the noise, in m and rad
-POSITIONS = {one.words: one for one in chain(exchanged(XYZ), reversed_signs(XYZ), lengths("x"))}
+POSITIONS = {
+    one.words: one for one in chain(exchanged_orders(XYZ), reversed_signs(XYZ), lengths("x"))
+}
 SETS = {"opk": CAMERA_SETS, "pok": CAMERA_SETS, "ypr": CAMERA_SETS, "rpy": BODY_SETS}
 ANGLES = {(key, one.words): one for key, sets in SETS.items() for one in angles(sets[key], sets)}
 

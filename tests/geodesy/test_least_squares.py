@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insgnss.geodesy.least_squares import Equations, NormalEquations, adjusted, conditioned
+from insgnss.geodesy.least_squares import Equations, NormalEquations, condition_on, gauss_newton
 
 UNKNOWNS = 3
 
@@ -78,7 +78,7 @@ def test_further_observations_are_as_if_they_had_been_there():
     some, more = group(rng, 5, 2), group(rng, 1, 3)
     first, whole = NormalEquations([some]), NormalEquations([some, more])
     e = more.residual(first.dx)[0]
-    dx, cov = conditioned(first.cov, more.A[0], e, more.covariance()[0])
+    dx, cov = condition_on(first.cov, more.A[0], e, more.covariance()[0])
     np.testing.assert_allclose(first.dx + dx, whole.dx, rtol=1e-9)
     np.testing.assert_allclose(cov, whole.cov, rtol=1e-9)
 
@@ -97,7 +97,7 @@ def test_steps_end_where_the_values_stay():
             A = np.column_stack([-d / r[:, None], -np.ones(9)])
             return [Equations((x[2] - r)[:, None], A[:, None], {"": np.full((9, 1, 1), 1e-4)})]
 
-        return x, adjusted(linearised, lambda dx: np.add(x, dx, out=x), 1e-16, steps)[1]
+        return x, gauss_newton(linearised, lambda dx: np.add(x, dx, out=x), 1e-16, steps)[1]
 
     x, converged = circle(20)
     assert converged

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss.engine.combined import combined
+from insgnss.gnss.engine.combined import combine_solutions
 from insgnss.gnss.engine.rtklib import EngineRun, solve
 from insgnss.gnss.options import SOLUTION_TYPE, EngineOptions
 from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos
@@ -53,7 +53,7 @@ def joined(tmp_path: Path, f: GnssFixes, b: GnssFixes, **options: bool) -> GnssF
     for name, fixes in (("f", f), ("b", b)):
         write_rtklib_pos(fixes, tmp_path / f"{name}.pos")
     path = tmp_path / "c.pos"
-    together = combined(tmp_path / "f.pos", tmp_path / "b.pos", path, **options)
+    together = combine_solutions(tmp_path / "f.pos", tmp_path / "b.pos", path, **options)
     path.write_bytes(b"".join(together.lines))
     handed, read = together.rows["combined"], read_pos_rows(path)
     for name in ("time", "gps_week", "columns", "notes"):  # numbers and text say the same
@@ -168,7 +168,7 @@ def test_an_epoch_without_covariance_gives_way(tmp_path: Path) -> None:
         (tmp_path / f"{name}.pos").write_text("\n".join(lines) + "\n")
     rows = [
         line.split()[2:5]
-        for line in b"".join(combined(*(tmp_path / f"{name}.pos" for name in "fbc")).lines)
+        for line in b"".join(combine_solutions(*(tmp_path / f"{name}.pos" for name in "fbc")).lines)
         .decode()
         .splitlines()
         if not line.startswith("%")

@@ -10,7 +10,7 @@ from oracles import oracle
 
 from insgnss.base.errors import DataError, InputError
 from insgnss.gnss.engine import convert as room
-from insgnss.gnss.engine.convert import converted, log_format
+from insgnss.gnss.engine.convert import convert_log, log_format
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.io.formats.logs.ulog import receiver_bytes
 
@@ -49,9 +49,9 @@ def test_without_the_converter_one_line_says_how_to_get_it(tmp_path, monkeypatch
     monkeypatch.setattr(room.importlib.util, "find_spec", lambda name: None)
     (tmp_path / "x.ubx").write_bytes(ubx(b"abc") * 3)
     with pytest.raises(InputError, match=r"log of u-blox; .* pip install .*\[ppk\]"):
-        converted(tmp_path / "x.ubx", tmp_path, ())
+        convert_log(tmp_path / "x.ubx", tmp_path, ())
     (tmp_path / "x.obs").write_text("RINEX\n")
-    assert converted(tmp_path / "x.obs", tmp_path, ()).path == tmp_path / "x.obs"
+    assert convert_log(tmp_path / "x.obs", tmp_path, ()).path == tmp_path / "x.obs"
 
 
 def px4(path, rows):
@@ -81,11 +81,11 @@ def test_a_log_of_px4_holds_that_of_its_receiver(tmp_path, monkeypatch):
     monkeypatch.setattr(room.importlib.util, "find_spec", lambda name: True)
     monkeypatch.setattr(room, "_run", lambda command, path: commands.append(command))
     with pytest.raises(DataError, match="u-blox: the converter found no raw observations"):
-        converted(path, tmp_path / "out", ())
+        convert_log(path, tmp_path / "out", ())
     ((*_, form, source, _, _),) = commands
     assert (form, Path(source).read_bytes()) == ("UBX", frames)
     with pytest.raises(DataError, match=r"holds no messages of its receiver .*GPS_DUMP_COMM"):
-        converted(px4(tmp_path / "none.ulg", [(0, 128, b"to")]), tmp_path / "out", ())
+        convert_log(px4(tmp_path / "none.ulg", [(0, 128, b"to")]), tmp_path / "out", ())
 
 
 @pytest.mark.slow
@@ -97,7 +97,7 @@ def test_a_recorded_log_of_ublox(tmp_path):
         pytest.skip("the recording rinex_ublox_2018 is not here")
     log = tmp_path / "rover.ubx"
     log.write_bytes(gzip.decompress((place / "rover-20181004-1532.ubx.gz").read_bytes()))
-    one = converted(log, tmp_path / "out", ())
+    one = convert_log(log, tmp_path / "out", ())
     ours, theirs = (read_observations(p) for p in (one.path, place / "rover-20181004-1532.obs"))
     assert one.checks[0].found == "rover.ubx is of u-blox: 1180 epochs as RINEX 3.04"
     np.testing.assert_allclose(ours.time, theirs.time, atol=1e-6)
@@ -113,7 +113,7 @@ def test_a_recorded_stream_of_rtcm_is_of_its_week(tmp_path):
     if not place.is_dir():
         pytest.skip("the recording dji_p4rtk is not here")
     navigation = (place / "DERIVED_rover_incomplete.nav",)
-    one = converted(place / "100_0004_PPKRAW.bin", tmp_path, navigation)
+    one = convert_log(place / "100_0004_PPKRAW.bin", tmp_path, navigation)
     ours, theirs = (read_observations(p) for p in (one.path, place / "DERIVED_rover.obs.gz"))
     assert ours.gps_week == theirs.gps_week == 2024
     np.testing.assert_allclose(ours.time, theirs.time, atol=1e-6)

@@ -11,7 +11,7 @@ from insgnss.cli import build_parser
 from insgnss.cli import ppk as verb
 from insgnss.flight.config.load import load_flight
 from insgnss.gnss import from_flight_file as flown
-from insgnss.gnss.rinex.joined import joined
+from insgnss.gnss.rinex.joined import join_observations
 from insgnss.gnss.rinex.observations import read_observations
 
 TYPES = ("C1", "L1")
@@ -34,12 +34,12 @@ def test_files_become_one_in_order_of_time(tmp_path):
         hour(tmp_path / f"{name}.18o", *span)
         for name, span in (("z", (0, 11)), ("a", (20, 10)), ("m", (10, 10)))
     ]
-    one = joined(files, tmp_path / "out")
+    one = join_observations(files, tmp_path / "out")
     read = read_observations(one.path)
     np.testing.assert_array_equal(read.time, whole.time)
     np.testing.assert_array_equal(read.values, whole.values)
     assert one.checks[0].found == "3 of rover over 0.01 hours, at most 1 s between them"
-    assert joined(files[:1], tmp_path / "out").path == files[0]
+    assert join_observations(files[:1], tmp_path / "out").path == files[0]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_files_that_do_not_follow_each_other_are_refused(tmp_path, second, messa
     """Oracle: the file and what is wrong; another epoch under the same stamp is no repetition."""
     files = [hour(tmp_path / "a.18o", 0, 10), hour(tmp_path / "b.18o", **second)]
     with pytest.raises(InputError, match=message):
-        read_observations(joined(files, tmp_path / "out").path)
+        read_observations(join_observations(files, tmp_path / "out").path)
 
 
 def test_another_version_is_refused(tmp_path):
@@ -63,7 +63,7 @@ def test_another_version_is_refused(tmp_path):
     other = tmp_path / "b.rnx"
     other.write_text(header3({"G": ("C1C", "L1C")}) + epoch)
     with pytest.raises(InputError, match="RINEX version is not that of"):
-        joined([hour(tmp_path / "a.18o", 0, 10), other], tmp_path / "out")
+        join_observations([hour(tmp_path / "a.18o", 0, 10), other], tmp_path / "out")
 
 
 def test_lists_and_patterns_name_them(tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 import pytest
 
-from insgnss.base.wording import named, setting, spoken_as
+from insgnss.base.wording import setting, spell, spoken_as
 from insgnss.cli import build_parser, main
 from insgnss.cli import ppk as verb
 from insgnss.flight.config.command_line import names_of
@@ -49,8 +49,8 @@ def test_messages_name_the_options_of_the_verb(key, value, of_the_file, of_the_v
     """Oracle: words written by hand; they hold as long as the verb runs."""
     with spoken_as(names_of()):
         assert setting(key, value) == of_the_verb
-        assert of_the_verb.startswith(named(key))
-    assert (named(key), setting(key, value)) == (key, of_the_file)
+        assert of_the_verb.startswith(spell(key))
+    assert (spell(key), setting(key, value)) == (key, of_the_file)
 
 
 def test_every_key_has_an_option_of_the_verb():

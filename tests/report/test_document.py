@@ -13,7 +13,7 @@ from insgnss.report.document import (
     Marked,
     Section,
     Table,
-    checked,
+    checks_section,
     write_with_page,
 )
 from insgnss.report.verdict import Verdict, worst_of
@@ -33,7 +33,7 @@ def filled(tmp_path) -> Document:
             Section("First", [EVIL, Marked(EVIL, "note", help=EVIL)]),
             chart,
             Section("Table", [Table([(EVIL, Marked("1", "ok", link=f"#{EVIL}"))])]),
-            checked([CHECK]),
+            checks_section([CHECK]),
             Section("Text", [Marked(EVIL, "soft"), Drawing("<svg></svg>")], "page"),
             Section("Only here", [EVIL], "terminal"),
         ),
@@ -123,7 +123,7 @@ def test_the_verdict_is_that_of_the_worst_finding() -> None:
 
 def test_nothing_to_say_leaves_no_heading() -> None:
     """Oracle: by hand; long tables are folded."""
-    for section in (Section("A"), Section("A", [Table([])]), checked([])):
+    for section in (Section("A"), Section("A", [Table([])]), checks_section([])):
         assert section.html() == ""
         assert list(section.lines()) == []
     assert "<details>" in Table([("x",)] * 21).html()

@@ -17,7 +17,7 @@ from insgnss.report.charts.chart import Chart
 from insgnss.report.document import Document
 from insgnss.report.figures.block import Field, charts
 from insgnss.report.figures.comparison import comparison_charts
-from insgnss.report.figures.mounting import scattered
+from insgnss.report.figures.mounting import scatter_panel
 from insgnss.report.figures.noise import noise_chart, spectrum_charts
 from insgnss.report.verdict import Verdict
 
@@ -28,7 +28,7 @@ def every_chart() -> Iterator[Chart]:
     yield from spectrum_charts([noise.spectrum("gyro", "x")])
     yield from comparison_charts(comparison.panels(remaining=True), (comparison.TIME,) * 2)
     yield from recognition.shown().values()
-    yield scattered(mounting.scatter(), "setup", "Lever arm of each setup")
+    yield scatter_panel(mounting.scatter(), "setup", "Lever arm of each setup")
     field = Field("cam", (4000, 3000), np.ones((9, 2)), np.ones((9, 2)), np.ones((9, 2)))
     names = {"motion", "map"}  # ids of a page differ
     yield from (c for c in charts(block.FIGURES, [field], block.GROUND) if c.name not in names)

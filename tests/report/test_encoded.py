@@ -14,8 +14,8 @@ from insgnss.report.charts.chart import Chart, Layer, Panel, Shade
 from insgnss.report.charts.encoded import (
     LARGEST_JPEG_BYTES,
     background_of,
-    decoded,
-    encoded,
+    decode_charts,
+    encode_charts,
     in_page,
     is_jpeg,
 )
@@ -49,7 +49,7 @@ def _chart(texts: tuple[str, ...] = ("a", "b", "c")) -> Chart:
 def test_charts_come_back_as_they_were() -> None:
     """Oracle: the charts themselves, numbers to the digits of float32."""
     chart = _chart()
-    (back,) = decoded(encoded([chart], "ab"))
+    (back,) = decode_charts(encode_charts([chart], "ab"))
     for f in dataclasses.fields(Chart):
         if f.name != "panels":
             assert getattr(back, f.name) == getattr(chart, f.name), f.name
@@ -85,8 +85,8 @@ def test_long_arrays_lose_less_than_one_can_see() -> None:
     decades = np.geomspace(1e-4, 1e3, 1500)
     layers = [Layer("line", time, y) for y in (smooth, spiked, decades)]
     chart = dataclasses.replace(_chart(), panels=(Panel("", layers),))
-    text = encoded([chart])
-    back = [layer.y for layer in decoded(text)[0].panels[0].layers]
+    text = encode_charts([chart])
+    back = [layer.y for layer in decode_charts(text)[0].panels[0].layers]
     assert [isinstance(given, dict) for given in json.loads(text)["arrays"]] == [
         *(True, True, False, False)
     ]
@@ -98,16 +98,16 @@ def test_long_arrays_lose_less_than_one_can_see() -> None:
 
 def test_equal_arrays_stand_in_the_text_once() -> None:
     """Oracle: counting; of thirteen arrays of the chart six are different ones."""
-    whole = json.loads(encoded([_chart()]))
+    whole = json.loads(encode_charts([_chart()]))
     assert len(whole["arrays"]) == len(["x", "y", "x - 1", "x + 1", "rule", "none"])
 
 
 @pytest.mark.parametrize("text", ["</script><b>.jpg", "<!--", "&amp;", "it's", "\u2028", 'say "x"'])
 def test_no_text_leaves_its_script_element(text: str) -> None:
     """Oracle: the rules of HTML: within a script element "</" ends it and "<!--" changes it."""
-    whole = encoded([_chart((text, "b", "c"))])
+    whole = encode_charts([_chart((text, "b", "c"))])
     assert not set("<>&'\u2028\u2029") & set(whole)
-    assert decoded(whole)[0].panels[0].layers[2].texts[0] == text
+    assert decode_charts(whole)[0].panels[0].layers[2].texts[0] == text
 
 
 def test_a_page_without_charts_or_with_others_is_refused() -> None:
@@ -115,8 +115,8 @@ def test_a_page_without_charts_or_with_others_is_refused() -> None:
     with pytest.raises(InputError, match="holds no charts"):
         in_page("<html></html>")
     with pytest.raises(InputError, match="cannot be read"):
-        decoded('{"charts": 1}')
-    page = f'<script type="application/json" id="charts">{encoded([_chart()], "cd")}</script>'
+        decode_charts('{"charts": 1}')
+    page = f'<script type="application/json" id="charts">{encode_charts([_chart()], "cd")}</script>'
     charts, digest = in_page(page)
     assert (charts[0].name, digest) == ("motion", "cd")
 

@@ -12,7 +12,7 @@ import pytest
 import insgnss
 from insgnss.cli.main import main
 from insgnss.report.charts.chart import Chart, Layer, Panel
-from insgnss.report.charts.encoded import encoded
+from insgnss.report.charts.encoded import encode_charts
 from insgnss.report.charts.files import charts_of
 from insgnss.report.document import Document
 from insgnss.report.verdict import Verdict
@@ -78,7 +78,9 @@ def test_charts_come_from_the_page(page) -> None:
     moved = replace(line, y=np.where(X[25] == X, 5.0, line.y))
     changed = replace(motion, panels=(replace(motion.panels[0], layers=(moved, dots)),))
     text = page.read_text()
-    old, new = (encoded(of).partition('"arrays":')[2] for of in ((motion, where), (changed, where)))
+    old, new = (
+        encode_charts(of).partition('"arrays":')[2] for of in ((motion, where), (changed, where))
+    )
     assert old in text
     text = text.replace(old, new)
     page.write_text(text)

@@ -7,7 +7,7 @@ import pytest
 
 from insgnss.report.charts.chart import Chart, Layer
 from insgnss.report.charts.run import charts
-from insgnss.report.charts.thinned import MOST_DOTS, MOST_POINTS, scatter, thin, thinned
+from insgnss.report.charts.thinned import MOST_DOTS, MOST_POINTS, scatter, thin, thin_layer
 from insgnss.report.marks import marks_of
 
 START = 205200.0
@@ -62,7 +62,7 @@ def test_thinned_band_keeps_both_of_its_edges() -> None:
     x = np.arange(20000.0)
     low, high = np.zeros(20000), np.ones(20000)
     low[7001], high[15002] = -5.0, 5.0
-    layer = thinned(Layer("band", x, low, y2=high, texts=[str(int(k)) for k in x]))
+    layer = thin_layer(Layer("band", x, low, y2=high, texts=[str(int(k)) for k in x]))
     assert layer.y.min() == -5.0
     assert layer.y2 is not None
     assert layer.y2.max() == 5.0

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from insgnss.report.figures.mounting import Residuals, Scatter, over_motion, residuals, scattered
+from insgnss.report.figures.mounting import (
+    Residuals,
+    Scatter,
+    over_motion,
+    residuals,
+    scatter_panel,
+)
 
 RNG = np.random.default_rng(8)
 
@@ -24,7 +30,7 @@ def test_setups_stand_about_their_mean_with_their_sigma():
     left out is red.
     """
     data = scatter()
-    chart = scattered(data, "setup", "Lever arm of each setup")
+    chart = scatter_panel(data, "setup", "Lever arm of each setup")
     assert "left out" in chart.reading
     for k, panel in enumerate(chart.panels):
         kept, out = (layer for layer in panel.layers if layer.kind == "points")
@@ -46,7 +52,7 @@ def test_misclosures_without_sigma_have_no_bars():
     """Oracle: by hand."""
     data = replace(scatter(sigma=0.0), names=tuple("12345"))
     kinds = {
-        layer.kind for panel in scattered(data, "target", "T").panels for layer in panel.layers
+        layer.kind for panel in scatter_panel(data, "target", "T").panels for layer in panel.layers
     }
     assert kinds == {"rules", "points"}
 

@@ -12,9 +12,9 @@ from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.io.formats.blocks.camera_toml import read_camera_toml
 from insgnss.io.formats.blocks.ground_points import read_ground_points
 from insgnss.io.formats.blocks.image_points import read_image_points
-from insgnss.io.formats.blocks.joined import joined
+from insgnss.io.formats.blocks.joined import join_block
 from insgnss.io.formats.blocks.measured_block import of_table
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import control_points
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.outliers import without_outliers
@@ -228,10 +228,10 @@ def test_an_adjustment_gets_the_truth(seed) -> None:
     simulated = flown(seed, minutes=5.0)
     options = BlockOptions(tie_points=30.0, check=6)
     made = simulate_block(simulated, options, seed)
-    block = joined(
+    block = join_block(
         of_table(made.measured, options.stated_camera), made.ground, perturbed(simulated, seed)
     ).block
-    result = adjusted(problem_of(block, control_points(block.control)), first_values(block))
+    result = adjust_problem(problem_of(block, control_points(block.control)), first_values(block))
     precision = precision_of(result, 1.0)
     eo, values = simulated.truth.eo, result.values
     row = [eo.images.index(name) for name in block.images]
@@ -259,7 +259,7 @@ def test_gross_errors_are_those_that_an_adjustment_rejects() -> None:
     """
     simulated = flown(7, minutes=5.0)
     made = simulate_block(simulated, BlockOptions(tie_points=30.0, gross_errors=0.02), 7)
-    block = joined(of_table(made.measured, IGN8), made.ground, perturbed(simulated, 7)).block
+    block = join_block(of_table(made.measured, IGN8), made.ground, perturbed(simulated, 7)).block
     problem = problem_of(block, control_points(block.control))
     cleaned = without_outliers(problem, first_values(block))
     assert cleaned.result.sigma0 == pytest.approx(1.0, abs=0.05)

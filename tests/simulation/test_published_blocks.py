@@ -18,12 +18,12 @@ from insgnss.io.formats.blocks.image_points import read_image_points
 from insgnss.io.formats.orientation.eo_covariance import read_common_errors, read_eo_covariance
 from insgnss.io.formats.orientation.eo_json import read_eo_json
 from insgnss.io.formats.trajectory.trajectory_csv import read_trajectory_csv
-from insgnss.simulation.plug import plugged
+from insgnss.simulation.plug import import_plugged
 
-write_survey = plugged("published_blocks.files").write_survey
-PoseErrors = plugged("published_blocks.pose_errors").PoseErrors
-SimulatedSurvey = plugged("published_blocks.survey").SimulatedSurvey
-simulate_survey = plugged("published_blocks.survey").simulate_survey
+write_survey = import_plugged("published_blocks.files").write_survey
+PoseErrors = import_plugged("published_blocks.pose_errors").PoseErrors
+SimulatedSurvey = import_plugged("published_blocks.survey").SimulatedSurvey
+simulate_survey = import_plugged("published_blocks.survey").simulate_survey
 
 BLOCKS = ("block2015", "corridor2014", "mapkite")
 OF_EACH = ["corridor2014", *(pytest.param(b, marks=pytest.mark.slow) for b in BLOCKS[::2])]

@@ -160,7 +160,7 @@ def kept_class() -> Any:
             try:
                 with open(path, "rb") as file:
                     data = memoryview(file.read())
-                    trusted = _trusted(os.fstat(file.fileno()), self.source)
+                    trusted = _is_trusted_owner(os.fstat(file.fileno()), self.source)
                 content = data[:-DIGEST_BYTES]
                 if trusted and data[-DIGEST_BYTES:] == self._digest(content):
                     return pickle.loads(content)
@@ -175,7 +175,7 @@ def kept_class() -> Any:
     return Kept
 
 
-def _trusted(file: os.stat_result, source: os.stat_result | None) -> bool:
+def _is_trusted_owner(file: os.stat_result, source: os.stat_result | None) -> bool:
     """Whether a file is of somebody whose code runs here anyway: this user, root, the source's.
 
     Nor may others write it, unless they may write the source as well.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from string import Formatter
 from typing import Any
 
-from ..wording import named, set_to
+from ..wording import set_to, spell
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Step:
 Remedy = str | SetKey | Step
 
 
-def joined(remedies: Sequence[Remedy], by: str = " or ") -> Step:
+def join_remedies(remedies: Sequence[Remedy], by: str = " or ") -> Step:
     """Return several remedies as one.
 
     Parameters
@@ -83,4 +83,4 @@ class _Words(Formatter):
     ) -> tuple[Any, str]:
         if field_name.isdigit():
             return args[int(field_name)], field_name
-        return named(field_name), field_name
+        return spell(field_name), field_name

@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import UsageError
-from ..interrupts import deferred
+from ..interrupts import defer_signals
 
 try:
     import fcntl
@@ -44,14 +44,14 @@ class Scratch:
 
     def __init__(self, where: Path) -> None:
         sweep(where)
-        with deferred():
-            self.path, self._lock = _locked(where)
+        with defer_signals():
+            self.path, self._lock = _make_locked(where)
             self._owner = os.getpid()
             _OPEN_DIRECTORIES.add(self)
 
     def close(self) -> None:
         """Remove the directory; without effect a second time and in a child of the process."""
-        with deferred():
+        with defer_signals():
             if self in _OPEN_DIRECTORIES and self._owner == os.getpid():
                 _OPEN_DIRECTORIES.discard(self)
                 shutil.rmtree(self.path, ignore_errors=True)
@@ -59,7 +59,7 @@ class Scratch:
 
     def keep(self) -> None:
         """Leave the directory, under a name that no run sweeps: it holds files of the user."""
-        with deferred():
+        with defer_signals():
             _OPEN_DIRECTORIES.discard(self)
             kept = self.path.with_name(self.path.name.replace(PREFIX, "insgnss-kept-"))
             with suppress(OSError):
@@ -93,7 +93,7 @@ def scratch_directory(where: Path) -> Iterator[Path]:
         scratch.close()
 
 
-def _locked(where: Path) -> tuple[Path, int | None]:
+def _make_locked(where: Path) -> tuple[Path, int | None]:
     """Make a directory and lock it; again where a sweep was faster than the lock."""
     while True:
         path = Path(tempfile.mkdtemp(prefix=PREFIX, dir=where))
@@ -196,7 +196,7 @@ def sweep(directory: Path) -> None:
     except OSError:
         return
     for path in paths:
-        with deferred(), suppress(OSError):
+        with defer_signals(), suppress(OSError):
             _remove_dead(path)
 
 

@@ -16,11 +16,11 @@ from filecmp import cmp
 from functools import partial
 from pathlib import Path
 
-from ..errors import UsageError, unwritten, writing
-from ..inputs import rewritten
-from ..interrupts import deferred
+from ..errors import UsageError, unwritten_error, writing
+from ..inputs import forget_content
+from ..interrupts import defer_signals
 from .scratch import SCRATCH_NAME, Scratch, alone, sweep
-from .unfinished import UNFINISHED_MARK, flush_directory, mark, marked
+from .unfinished import UNFINISHED_MARK, flush_directory, mark, marked_names
 
 MOST_FLUSHED = 100  # files that are flushed one by one: each takes the disk some ms (chosen)
 OTHER_DIRECTORY, FREE = "give another directory", "check permission and free space"
@@ -138,7 +138,7 @@ class Staging:
         for target, tree in self._trees.items():
             missing = [d for d in (target, *target.parents) if not d.exists()]
             new_directories += [d for d in reversed(missing[1:]) if d not in new_directories]
-            moves += _merged(tree, target)
+            moves += _moves_into(tree, target)
         moves += [(file, goal) for goal, file in self._files.items() if file.exists()]
         goals = {goal for _, goal in moves}
         moves += [(None, goal) for goal in self._stale if goal not in goals]
@@ -175,7 +175,7 @@ class Staging:
         UsageError
             Where something cannot be moved.
         """
-        with deferred():
+        with defer_signals():
             new_directories, moves = self.moves()
             names: dict[Path, set[str]] = {}  # of what changes, by the directory that is there
             for _, goal in moves:
@@ -183,7 +183,7 @@ class Staging:
                     names.setdefault(goal.parent, set()).add(goal.name)
             undo: list[Callable[[], None]] = []
             with alone({*self.scratch, *names}):
-                marks_before = {directory: marked(directory) or set() for directory in names}
+                marks_before = {directory: marked_names(directory) or set() for directory in names}
                 try:
                     _flush([source for source, _ in moves if source is not None])
                     marked_before = any(os.path.lexists(d / UNFINISHED_MARK) for d in names)
@@ -194,7 +194,7 @@ class Staging:
                     for directory, new in names.items():  # from here on the new files stand
                         self._mark(directory, marks_before[directory] - new)
                     for _, goal in moves:
-                        rewritten(goal)
+                        forget_content(goal)
                 except BaseException as error:
                     self._put_back(undo, error)
                     raise
@@ -258,12 +258,12 @@ class Staging:
 
     def close(self) -> None:
         """Remove the scratch directories."""
-        with deferred():
+        with defer_signals():
             for scratch in self.scratch.values():
                 scratch.close()
 
 
-def _merged(source: Path, target: Path) -> list[Move]:
+def _moves_into(source: Path, target: Path) -> list[Move]:
     """Return the moves that bring a directory into another one, new branches as a whole.
 
     A symbolic link below the target is not followed: it may lead to files of others.
@@ -276,7 +276,7 @@ def _merged(source: Path, target: Path) -> list[Move]:
         if SCRATCH_NAME.fullmatch(entry.name):
             continue
         merges = entry.is_dir() and goal.is_dir() and not goal.is_symlink()
-        moves += _merged(entry, goal) if merges else [(entry, goal)]
+        moves += _moves_into(entry, goal) if merges else [(entry, goal)]
     return moves
 
 
@@ -355,7 +355,7 @@ def together() -> Iterator[Staging]:
         except OSError as error:
             if (path := _location(staging, error)) is None:
                 raise
-            raise unwritten(path, error, FREE) from None
+            raise unwritten_error(path, error, FREE) from None
         staging.commit()
     finally:
         _OPEN.reset(token)
@@ -372,7 +372,7 @@ def _location(staging: Staging, error: OSError) -> Path | None:
 
 
 @contextmanager
-def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
+def staged_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a path for a library that writes a file itself; what it wrote there goes to `path`."""
     with together() as staging:
         with writing(path, "does the directory exist?"):
@@ -386,7 +386,7 @@ def destination(path: Path) -> Path:
     return path if staging is None else staging.destination(path)
 
 
-def written(path: Path) -> Path:
+def written_path(path: Path) -> Path:
     """Return where a file stands now that the open staging may still have to move to `path`."""
     staging = _OPEN.get()
     return path if staging is None else staging.written(path)

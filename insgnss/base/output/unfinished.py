@@ -21,7 +21,7 @@ UNFINISHED_MARK = ".insgnss-unfinished"
 MOST_BYTES = 1 << 24  # of a mark that is read: names of 100 000 files
 
 
-def marked(directory: Path) -> set[str] | None:
+def marked_names(directory: Path) -> set[str] | None:
     """Return the names that a directory's mark holds, none without one.
 
     None where the mark cannot be read: it is not one of ours, and says nothing about any file.
@@ -91,7 +91,7 @@ def is_unfinished(path: Path) -> bool:
     if not os.path.lexists(directory / UNFINISHED_MARK):
         return False
     with alone([directory]):
-        names = marked(directory)
+        names = marked_names(directory)
     return names is None or path.name in names
 
 

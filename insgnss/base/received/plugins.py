@@ -8,7 +8,7 @@ from ..errors import UsageError
 
 
 @cache
-def installed(group: str) -> Mapping[str, Any]:
+def installed_plugins(group: str) -> Mapping[str, Any]:
     """Return the entry points of a group by name, not yet loaded.
 
     Parameters
@@ -44,7 +44,7 @@ def load_installed(group: str, name: str) -> Any:
     UsageError
         Where it cannot be imported.
     """
-    entry = installed(group)[name]
+    entry = installed_plugins(group)[name]
     try:
         return entry.load()
     except (ImportError, AttributeError) as error:

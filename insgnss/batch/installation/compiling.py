@@ -31,7 +31,7 @@ def compile_all(
     Finding
         How many were compiled, in which time; a defect where one cannot be.
     """
-    kernels = ahead.listed() if listed is None else listed
+    kernels = ahead.listed_kernels() if listed is None else listed
     start, reason = time.perf_counter(), ""
     progress(f"compiling {len(kernels)} kernels in {processors()} processes")
     with ThreadPoolExecutor(processors()) as pool:

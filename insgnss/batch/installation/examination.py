@@ -288,16 +288,16 @@ def examine(progress: Callable[[str], None], compiling: bool = False) -> Examina
     progress("packages, each imported in another process")
     findings += package_findings()
     if compiling:
-        findings += _guarded("kernels", lambda: _compiled(progress))
+        findings += _look_safely("kernels", lambda: _compile_kernels(progress))
     progress("compiled kernels; the first compilation takes up to a minute")
-    findings += _guarded("kernels", _core)
+    findings += _look_safely("kernels", _core)
     progress("grids and engine")
-    findings += _guarded("grids", grid_findings)
-    findings += _guarded("ppk", lambda: [engine_finding()])
+    findings += _look_safely("grids", grid_findings)
+    findings += _look_safely("ppk", lambda: [engine_finding()])
     return Examination(tuple(findings))
 
 
-def _compiled(progress: Callable[[str], None]) -> list[Finding]:
+def _compile_kernels(progress: Callable[[str], None]) -> list[Finding]:
     """Compile the kernels ahead."""
     from .compiling import compile_all
 
@@ -312,7 +312,7 @@ def _core() -> list[Finding]:
     return [*kernel_findings(run_strapdown), self_test().finding()]
 
 
-def _guarded(topic: str, look: Callable[[], list[Finding]]) -> list[Finding]:
+def _look_safely(topic: str, look: Callable[[], list[Finding]]) -> list[Finding]:
     """Return what `look` finds, or that it failed, whatever the reason."""
     try:
         return look()

@@ -155,11 +155,13 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     runs = []
     for number, document in enumerate(documents, 1):
         progress(f"{number} of {len(documents)}: {relative(document, directory)}")
-        runs.append(_examined(document, remake))
-    return ArchiveResult(directory, tuple(runs), tuple(orphans), _unprocessed(directory, documents))
+        runs.append(_examine_document(document, remake))
+    return ArchiveResult(
+        directory, tuple(runs), tuple(orphans), _unprocessed_flights(directory, documents)
+    )
 
 
-def _unprocessed(directory: Path, documents: Sequence[Path]) -> tuple[Path, ...]:
+def _unprocessed_flights(directory: Path, documents: Sequence[Path]) -> tuple[Path, ...]:
     """Return flight files that no results were made from."""
     named: set[Path] = set()
     for document in documents:
@@ -204,7 +206,7 @@ def _is_document(path: Path) -> bool:
     return named and isinstance(read_object(path).get(INPUTS_KEY), dict)
 
 
-def _examined(document: Path, remake: bool) -> Examined:
+def _examine_document(document: Path, remake: bool) -> Examined:
     """Hold one document against what is there."""
     content = read_object(document)
     hashes = content[INPUTS_KEY]

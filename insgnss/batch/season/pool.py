@@ -15,9 +15,9 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 
 from ...base.errors import DataError
-from ...base.interrupts import deferred, ignore_endings, raise_on_termination
+from ...base.interrupts import defer_signals, ignore_endings, raise_on_termination
 from ...base.memory import GB, available, kills, resident
-from .work import Outcome, Task, Tell, failed, process_task
+from .work import Outcome, Task, Tell, failed_outcome, process_task
 
 USABLE = 0.9  # of the available memory, for forecasts: they are some tenths above what is taken
 # of it, for all workers; beyond, the kernel would soon end any process of the machine
@@ -154,7 +154,9 @@ class _Worker:
                 f"({forecast}, {self._most / GB:.1f} GB when last seen). It was ended from "
                 f"outside, or compiled code crashed; insgnss process {self.task.file} shows which"
             )
-        return failed(self.task, reason, DataError.exit_code, time.monotonic() - self._since)
+        return failed_outcome(
+            self.task, reason, DataError.exit_code, time.monotonic() - self._since
+        )
 
 
 def _run(
@@ -200,7 +202,7 @@ def _run(
 
 def _end(workers: Sequence[_Worker]) -> None:
     """End workers; they remove what they have half written."""
-    with deferred():
+    with defer_signals():
         for worker in workers:
             worker.process.terminate()
         end = time.monotonic() + END_S

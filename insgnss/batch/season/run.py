@@ -18,8 +18,8 @@ from typing import Any
 from ...base.ahead import compile_ahead
 from ...base.beside import processors
 from ...base.errors import InsgnssError, UsageError
-from ...base.files import atomic_write, picked
-from ...base.inputs import opened
+from ...base.files import atomic_write, pick_attributes
+from ...base.inputs import open_bytes
 from ...base.output.staging import together
 from ...base.wording import duration, relative
 from ...flight.config.flight_file import Flight
@@ -54,7 +54,7 @@ def rows_of(file: object) -> int:
     if not isinstance(file, Path) or not file.is_file():
         return 0
     size_bytes = file.stat().st_size
-    with opened(file) as stream:
+    with open_bytes(file) as stream:
         beginning = stream.read(PROBE)
     if b"\0" in beginning:
         return size_bytes // BINARY_ROW
@@ -129,11 +129,11 @@ class SeasonResult:
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
         return {
-            **picked(self, "headline", "exit_code", "seconds"),
+            **pick_attributes(self, "headline", "exit_code", "seconds"),
             "flights": list(self.rows),
             "trends": [
                 {
-                    **picked(t, "equipment", "finding"),
+                    **pick_attributes(t, "equipment", "finding"),
                     "constant": str(t.quantity.state),
                     "unit": t.quantity.unit,
                     "flights": int(t.days.size),
@@ -243,7 +243,7 @@ def run_season(
 
     def so_far() -> SeasonResult:
         outcomes = [ended.get(task.name) or not_reached(task) for task in tasks]
-        return _written(request, outcomes, time.monotonic() - start)
+        return _write_season(request, outcomes, time.monotonic() - start)
 
     tick()
     try:
@@ -313,7 +313,9 @@ def _refuse_files_of_others(request: SeasonRequest) -> None:
             )
 
 
-def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float) -> SeasonResult:
+def _write_season(
+    request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float
+) -> SeasonResult:
     """Write table and page; return the result."""
     directory = request.directory
     rows = tuple(_relative(row, directory) for row in with_own_names([o.row for o in outcomes]))

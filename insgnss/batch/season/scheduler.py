@@ -11,10 +11,10 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from ...base import __version__
-from ...base.errors import DataError, UsageError, installed
+from ...base.errors import DataError, UsageError, required_library
 from ...base.wording import DOCTOR
 from .pool import WORKER_POLL_S
-from .work import INTERNAL, Outcome, Task, Tell, failed, process_task
+from .work import INTERNAL, Outcome, Task, Tell, failed_outcome, process_task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -40,7 +40,7 @@ def _client(scheduler: str) -> Iterator["Client"]:
         Dask is not installed; the scheduler does not answer, has no workers, or workers of another
         version of insgnss or of several threads.
     """
-    with installed(NEEDS_DASK):
+    with required_library(NEEDS_DASK):
         import dask
         from distributed import Client
     with ExitStack() as stack:
@@ -149,7 +149,7 @@ def _arriving(
     """Yield flights as they end, with None where their workers died."""
     from distributed import as_completed
 
-    declared = _declared(client)
+    declared = _declared_memory(client)
     start = time.monotonic()
     futures: dict[Future, Task] = {}
     for number, task in enumerate(tasks):
@@ -189,7 +189,7 @@ def _arriving(
             future.release()
 
 
-def _declared(client: "Client") -> float:
+def _declared_memory(client: "Client") -> float:
     """Return the memory that every worker declares at least; 0 where one does not."""
     infos = client.scheduler_info(n_workers=-1)["workers"].values()
     return min((float(info["resources"].get(RESOURCE, 0.0)) for info in infos), default=0.0)
@@ -209,4 +209,4 @@ def _outcome(future: "Future", task: Task, seconds: float) -> Outcome | None:
     error = future.exception() if future.status == "error" else None
     if isinstance(error, KilledWorker) or future.status == "lost":
         return None
-    return failed(task, f"ended by Dask: {future.status}: {error}", INTERNAL, seconds)
+    return failed_outcome(task, f"ended by Dask: {future.status}: {error}", INTERNAL, seconds)

@@ -180,7 +180,7 @@ def fit(days: Array, value: Array, sigma: Array) -> tuple[float, float, float, f
     return slope, (max(1.0, chi_square) / spread) ** 0.5, level - slope * mean, chi_square
 
 
-def judged(
+def judge_trend(
     equipment: str,
     quantity: Quantity,
     days: Array,
@@ -249,7 +249,7 @@ def trends(rows: Iterable[Row]) -> list[SeasonTrend]:
             value = np.array([q.factor * row[q.column] for row in with_it])
             sigma = np.array([q.factor * row[q.sigma] for row in with_it])
             names = [str(row["name"]) for row in with_it]
-            out.append(judged(equipment, q, days, value, sigma, names))
+            out.append(judge_trend(equipment, q, days, value, sigma, names))
     return out
 
 

@@ -130,17 +130,17 @@ def _outcome(task: Task) -> Outcome:
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            status, row = _processed(task)
+            status, row = _process_flight(task)
     except Exception as error:
         code, reason = _verdict(error)
         constants = known_from_refusal(error.findings) if isinstance(error, InputError) else {}
-        return failed(task, reason, code, time.monotonic() - start, constants)
+        return failed_outcome(task, reason, code, time.monotonic() - start, constants)
     row["seconds"] = round(time.monotonic() - start, 3)
     notes = tuple(dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught))
     return Outcome(task.name, status, row, 0, notes)
 
 
-def failed(
+def failed_outcome(
     task: Task, reason: str, code: int, seconds: float, constants: Mapping[str, Any] | None = None
 ) -> Outcome:
     """Return the outcome of a flight without products.
@@ -188,7 +188,7 @@ def _row_without_products(task: Task, status: str, reason: str) -> Row:
     return row | {"reason": reason, "version": __version__}
 
 
-def _processed(task: Task) -> tuple[str, Row]:
+def _process_flight(task: Task) -> tuple[str, Row]:
     from ...flight.config.load import load_flight
     from ...flight.processing.pipeline import process
 

@@ -118,12 +118,12 @@ def _written_result(
     options: argparse.Namespace, progress: Progress, result: "CalibratedMounting", *files: Path
 ) -> Judged:
     """Write the result of a calibration of `files`."""
-    from ...photogrammetry.mounting_calibration.products import compared, written
+    from ...photogrammetry.mounting_calibration.products import compare_arms, write_mounting
 
     if options.compare is not None:
-        result = compared(result, options.compare)
+        result = compare_arms(result, options.compare)
     progress("write")
-    result = written(result, options.out, options.force)
+    result = write_mounting(result, options.out, options.force)
     return Judged(result, result.refusal, files)
 
 
@@ -152,12 +152,12 @@ def _of_two_files(name: str, example: str, inputs: type, chosen: type) -> Verb:
 def _run_mounting(options: argparse.Namespace, progress: Progress) -> Judged:
     """Do what the parsed command line asks for."""
     from ...flight.config.load import load_flight
-    from ...photogrammetry.mounting_calibration.flight_products import calibrated
+    from ...photogrammetry.mounting_calibration.flight_products import flight_result
     from ...photogrammetry.mounting_calibration.in_flight import calibrate_mounting
 
     flight = load_flight(options.flight)
     result = calibrate_mounting(flight, options.poses, options.records[Assumptions], progress)
-    calibration = calibrated(result, flight, options.photo, options.date)
+    calibration = flight_result(result, flight, options.photo, options.date)
     return _written_result(options, progress, calibration, flight.path, options.poses)
 
 

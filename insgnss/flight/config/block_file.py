@@ -12,7 +12,7 @@ from ...io.options.kinds import Checked
 from ...io.options.schema import columns_of_file, option
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
-from .flight_file import resolved
+from .flight_file import resolve_options
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -311,7 +311,7 @@ class BlockFile(Checked):
 
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types."""
-        return resolved(self)
+        return resolve_options(self)
 
 
 BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {"": (BlockFile,)} | {

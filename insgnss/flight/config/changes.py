@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from ...base.errors import UsageError
-from ...base.wording import listed
+from ...base.wording import phrase
 
 Record = TypeVar("Record")
 
@@ -35,7 +35,7 @@ def with_changes(record: Record, changes: dict[str, Any], keywords: Iterable[str
         for key in some:
             if key not in known_names:
                 _refuse_unknown(record, key, list(dict.fromkeys([*keywords, *known_names])))
-        record = _changed(record, some)
+        record = _changed_record(record, some)
     return record
 
 
@@ -57,7 +57,9 @@ def _refuse_unknown(record: Any, key: str, names: list[str]) -> None:
     table, _, leaf = key.rpartition("__")
     if table in names and not _has_fields(value := _value(record, table)):
         reason = "not given" if value is None else "no table"
-        raise UsageError(f"{_dotted(key)}: {_dotted(table)} is {reason}; give the complete table")
+        raise UsageError(
+            f"{_dotted_key(key)}: {_dotted_key(table)} is {reason}; give the complete table"
+        )
     if table not in names:
         table = ""
     beside = [name for name in names if name.rpartition("__")[0] == table]
@@ -67,8 +69,8 @@ def _refuse_unknown(record: Any, key: str, names: list[str]) -> None:
         or (difflib.get_close_matches(key, names, n=1) if not table else [])
         or [by_leaf[word] for word in difflib.get_close_matches(leaf, by_leaf, n=1)]
     )
-    advice = f"did you mean {listed(alike)}?" if alike else f"known are {', '.join(beside)}"
-    raise UsageError(f"{_dotted(key)}: there is no such key; {advice}")
+    advice = f"did you mean {phrase(alike)}?" if alike else f"known are {', '.join(beside)}"
+    raise UsageError(f"{_dotted_key(key)}: there is no such key; {advice}")
 
 
 def _value(record: Any, key: str) -> Any:
@@ -77,11 +79,11 @@ def _value(record: Any, key: str) -> Any:
     return record
 
 
-def _dotted(key: str) -> str:
+def _dotted_key(key: str) -> str:
     return key.replace("__", ".")
 
 
-def _changed(record: Any, changes: dict[str, Any]) -> Any:
+def _changed_record(record: Any, changes: dict[str, Any]) -> Any:
     tables: dict[str, dict[str, Any]] = {}
     changed: dict[str, Any] = {}
     for key, value in changes.items():
@@ -90,5 +92,5 @@ def _changed(record: Any, changes: dict[str, Any]) -> Any:
             tables.setdefault(name, {})[key_within] = value
         else:
             changed[name] = value
-    deeper = {name: _changed(getattr(record, name), inner) for name, inner in tables.items()}
+    deeper = {name: _changed_record(getattr(record, name), inner) for name, inner in tables.items()}
     return replace(record, **changed, **deeper)

@@ -26,8 +26,16 @@ from ...io.options.camera_options import (
     ImageMatch,
     RoverEvents,
 )
-from ...io.options.kinds import Checked, OptionKind, accepted, as_tuple, no_texts, register
-from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread, sigmas
+from ...io.options.kinds import Checked, OptionKind, accept_value, as_tuple, no_texts, register
+from ...io.options.schema import (
+    Declared,
+    Triple,
+    Words,
+    declared_options,
+    option,
+    refuse_unread,
+    sigmas,
+)
 from ...report.rules.needs import NEEDS
 from ..sensors.options import MeasurementInput
 from .barometer_options import BarometerInput
@@ -83,7 +91,9 @@ class TangentPlaneOptions:
 
     def __post_init__(self) -> None:
         coordinates = (self.lat_deg, self.lon_deg, self.height_m)
-        accepted(declared(TangentPlaneTable)["origin"], coordinates, "tangent_plane.origin")
+        accept_value(
+            declared_options(TangentPlaneTable)["origin"], coordinates, "tangent_plane.origin"
+        )
 
     @property
     def origin(self) -> "Array":
@@ -305,9 +315,11 @@ class Flight(Checked):
 
             if isinstance(plane, TangentPlane):
                 plane = (math.degrees(plane.lat), math.degrees(plane.lon), plane.height)
-            item = declared(TangentPlaneTable)["origin"]
+            item = declared_options(TangentPlaneTable)["origin"]
             object.__setattr__(
-                self, "tangent_plane", TangentPlaneOptions(*accepted(item, plane, "tangent_plane"))
+                self,
+                "tangent_plane",
+                TangentPlaneOptions(*accept_value(item, plane, "tangent_plane")),
             )
         super().__post_init__()
         refuse_week(self.gps_week)
@@ -339,7 +351,7 @@ class Flight(Checked):
         InputError
             An array or a table is not what a record can be made of.
         """
-        return changed(self, changes)
+        return change_flight(self, changes)
 
     def __repr__(self) -> str:
         """Return name and file in one line."""
@@ -352,7 +364,7 @@ class Flight(Checked):
 
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types."""
-        return resolved(self)
+        return resolve_options(self)
 
 
 def _refuse_measurements(measurements: "tuple[MeasurementInput | Measurement, ...]") -> None:
@@ -408,7 +420,7 @@ def _sunday(week: int) -> str:
     return f"{calendar_from_gps(week, 0.0, 'gpst'):%Y-%m-%d}"
 
 
-def changed(flight: Flight, changes: dict[str, Any], keywords: Iterable[str] = ()) -> Flight:
+def change_flight(flight: Flight, changes: dict[str, Any], keywords: Iterable[str] = ()) -> Flight:
     """Return a flight with other values, as `Flight.with_` does.
 
     Parameters
@@ -433,7 +445,7 @@ def changed(flight: Flight, changes: dict[str, Any], keywords: Iterable[str] = (
     return new
 
 
-def resolved(file: Any) -> dict[str, Any]:
+def resolve_options(file: Any) -> dict[str, Any]:
     """Every value of a `Flight`, or of another file of options, as plain JSON types.
 
     Defaults are filled in. Paths are relative to the file where they lie below its directory.

@@ -19,7 +19,7 @@ from ...gnss.covariance_model import CovarianceModel
 from ...gnss.ppk_options import OF_POSITIONS, RawGnss
 from ...io.formats.orientation.mounting_file import DELAY, read_mounting_file
 from ...io.options.camera_options import CameraInput, ImageMatch, RoverEvents
-from ...io.options.schema import declared
+from ...io.options.schema import declared_options
 from ...records.cameras.mounting import (
     PAPER_CAMERA_FROM_BODY,
     ROTATION_TOLERANCE,
@@ -58,11 +58,11 @@ def load_flight(path: str | Path) -> Flight:
     """
     path = Path(path)
     with reading() as files:
-        flight = _loaded(path / "flight.toml" if path.is_dir() else path)
+        flight = _load_parsed(path / "flight.toml" if path.is_dir() else path)
         return replace(flight, read=dict(files))
 
 
-def _loaded(path: Path) -> Flight:
+def _load_parsed(path: Path) -> Flight:
     """Return the flight of a parsed flight file; refuse unknown keys and contradictions."""
     root, included = with_included(
         read_toml(path, known_keys(FLIGHT_TABLES)), known_keys(FLIGHT_TABLES)
@@ -94,7 +94,7 @@ def _loaded(path: Path) -> Flight:
         ),
     }
     flight = made(root, Flight, {"path": path, "included": included, **values, **tables})
-    return _calibrated(flight, root)
+    return _with_mounting_file(flight, root)
 
 
 def read_covariance(path: Path) -> CovarianceModel:
@@ -161,7 +161,7 @@ def _gnss(table: OptionTable) -> GnssInput:
 
 def _raw(table: OptionTable) -> RawGnss | None:
     """The raw observations of a table [gnss], None where none are given."""
-    raw_options, needed = declared(RawGnss), ("rover", "base", "navigation")
+    raw_options, needed = declared_options(RawGnss), ("rover", "base", "navigation")
     raw_keys = [name for name in raw_options if name in table.data]
     if not raw_keys:
         return None
@@ -186,7 +186,7 @@ def _raw(table: OptionTable) -> RawGnss | None:
 
 def _camera(table: OptionTable, raw: bool) -> CameraInput:
     """The exposures; raw : whether there is a rover's RINEX, which may hold the events."""
-    of_rover = [name for name in declared(RoverEvents) if name in table.data]
+    of_rover = [name for name in declared_options(RoverEvents) if name in table.data]
     if of_rover and (not raw or "events" in table.data):
         message = "gnss.rover is missing, give camera.events"
         if "events" in table.data:
@@ -255,7 +255,7 @@ def _output(table: OptionTable) -> Output:
     return output
 
 
-def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> Flight:
+def with_mounting_file(flight: Flight, path: Path, max_age_days: float | None = None) -> Flight:
     """Return a flight whose mounting is that of a file, as far as the file names it.
 
     Parameters
@@ -301,7 +301,7 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
         camera = replace(camera, time_offset_s=delay)
     keys = (*values, *([DELAY] if camera is not None and delay is not None else []))
     if max_age_days is None:
-        age = declared(MountingTable)["max_age_days"].default
+        age = declared_options(MountingTable)["max_age_days"].default
         max_age_days = flight.mounting_files[-1].max_age_days if flight.mounting_files else age
     return replace(
         flight,
@@ -343,7 +343,7 @@ def with_engine(flight: Flight, engine: str) -> Flight:
     return replace(flight, gnss=replace(flight.gnss, raw=replace(raw, engine=engine)))
 
 
-def _calibrated(flight: Flight, root: OptionTable) -> Flight:
+def _with_mounting_file(flight: Flight, root: OptionTable) -> Flight:
     """The flight with the mounting of `mounting.file`, where there is one."""
     table = root.table("mounting")
     values = take(table, MountingTable)
@@ -356,7 +356,7 @@ def _calibrated(flight: Flight, root: OptionTable) -> Flight:
     def nearer(one: OptionTable, key: str, second: OptionTable, name: str) -> bool:
         return files.index(one.source(key).path) < files.index(second.source(name).path)
 
-    new = remounted(flight, path, values["max_age_days"])
+    new = with_mounting_file(flight, path, values["max_age_days"])
     source = new.mounting_files[-1]
     for key in source.keys:
         holder = root.table("camera") if key == DELAY else table

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ...base.errors import InputError, OptionError
-from ...base.files import expanded, is_pattern
+from ...base.files import expand_patterns, is_pattern
 from ...base.inputs import is_file
 from ...base.tables import OptionTable
 from ...gnss.covariance_model import CovarianceModel
 from ...gnss.ppk_options import ENGINES
 from ...io.options.camera_options import CameraMounting
-from ...io.options.kinds import accepted
-from ...io.options.schema import Declared, declared, options_of
+from ...io.options.kinds import accept_value
+from ...io.options.schema import Declared, declared_options, options_of
 from ...navigation.noise_model.model import shipped_models
 from ...records.cameras.mounting import Mounting
 from .imu_options import neither_model_nor_file
@@ -73,7 +73,7 @@ def value_of(table: OptionTable, item: Declared) -> Any:
     if item.kind in VALUE_READERS:
         value = VALUE_READERS[item.kind](table, key, value)
     try:
-        return accepted(item, value, key)
+        return accept_value(item, value, key)
     except OptionError as refusal:
         raise table.refusal(refusal) from None
 
@@ -116,7 +116,7 @@ def directory_of(table: OptionTable, directory: Path) -> Path:
 
 def covariance_of(table: OptionTable) -> CovarianceModel:
     """The covariance model with the changes of a table."""
-    options = declared(CovarianceModel)
+    options = declared_options(CovarianceModel)
     changes = {key: value_of(table, options[key]) for key in table.data}
     return CovarianceModel().with_changes(changes)
 
@@ -151,7 +151,9 @@ def _observations(table: OptionTable, key: str, value: Any) -> Any:
     if isinstance(value, str) and not is_pattern(value):
         return table.file(key)
     names = (value,) if isinstance(value, str) else table.texts(key, ())
-    paths = _values_present(table, key, list(expanded(table.resolve(name, key) for name in names)))
+    paths = _values_present(
+        table, key, list(expand_patterns(table.resolve(name, key) for name in names))
+    )
     if not paths:
         raise table.error(key, "is an empty list; name the files")
     return paths[0] if len(paths) == 1 else paths

@@ -28,7 +28,7 @@ from ...navigation.orient.relative import gyro_figures, relative_control
 from ...records import Array, ExteriorOrientation, FramedOrientation
 from ...records.framed import FRAME_KINDS, GEOGRAPHIC, PROJECTED, TANGENT
 from ...records.relative import RelativeControl
-from .rename import other_names, renamed, write_names
+from .rename import other_names, rename_images, write_names
 from .replacing import remove_stale
 
 OF_IMAGES = ("image_tags",)
@@ -118,15 +118,15 @@ def export(
 
     Parameters
     ----------
-    rename : rules of `renamed`, by which images are called otherwise in the export; the table of
-        both names goes beside it.
+    rename : rules of `rename_images`, by which images are called otherwise in the export; the table
+        of both names goes beside it.
     options : of the format. Raises UsageError for an unknown format, an option that it does not
         take, a frame that it cannot carry and heights that it needs and does not get; InputError
         where a CRS does not reach the flight.
     """
     known_format(name)
     with together() as staging:
-        eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
+        eo, names = rename_images(eo, rename if name not in OF_IMAGES else ())
         with _remedy():
             exported = _export(eo, name, path, target or ExportFrame(), options)
         remove_stale(path, staging)

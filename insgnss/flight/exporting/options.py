@@ -9,7 +9,7 @@ from typing import Any
 
 from ...base.errors import OptionError, UsageError
 from ...io.formats.exports import Export
-from ...io.options.kinds import OPTION_KINDS, accepted
+from ...io.options.kinds import OPTION_KINDS, accept_value
 from ...io.options.schema import Declared, Option, class_names
 from ...navigation.orient.relative import relative_control
 
@@ -38,7 +38,7 @@ def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, A
         texts = texts | {"camera": colmap_words(read_camera(camera))}
     return {
         key: (
-            _typed(f"{name}: {key}", text, parameters[key].annotation)
+            _parse_typed(f"{name}: {key}", text, parameters[key].annotation)
             if key in form.options and key in parameters
             else text
         )
@@ -46,7 +46,7 @@ def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, A
     }
 
 
-def _typed(name: str, text: str, annotation: Any) -> Any:
+def _parse_typed(name: str, text: str, annotation: Any) -> Any:
     """The value of a text; text is taken first, as a writer that takes it reads it itself."""
     if "str" in class_names(annotation):
         return text
@@ -57,6 +57,6 @@ def _typed(name: str, text: str, annotation: Any) -> Any:
     except ValueError:
         value = text
     try:
-        return accepted(item, value, name)
+        return accept_value(item, value, name)
     except OptionError as refusal:
         raise UsageError(f"export: {name} = {text!r}: {refusal.problem}") from None

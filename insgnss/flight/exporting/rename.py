@@ -35,7 +35,7 @@ RULES: dict[str, Callable[[str], str]] = {"safe": _safe, "basename": _basename}
 """Rules that need no list of names."""
 
 
-def renamed(
+def rename_images(
     eo: ExteriorOrientation, rules: Sequence[str | Path]
 ) -> tuple[ExteriorOrientation, dict[str, str]]:
     """Give images other names.
@@ -68,7 +68,7 @@ def renamed(
 
 
 def other_names(images: Sequence[str], rules: Sequence[str | Path]) -> tuple[str, ...]:
-    """Return the names that images have by rules; see `renamed`."""
+    """Return the names that images have by rules; see `rename_images`."""
     if not rules:
         return tuple(images)
     names = list(images)

@@ -14,7 +14,7 @@ import numpy as np
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE
 from ...navigation.prepare.gaps import nominal_interval
-from ...navigation.recognise.findings import MOST_CONFIDENCE, answer, unknown
+from ...navigation.recognise.findings import MOST_CONFIDENCE, answer, unknown_property
 from ...navigation.recognise.units import ACCEL_UNITS
 from ...records import Array, Finding, ImuSamples
 from .sensing import DEG_S, Sensing
@@ -88,7 +88,10 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
             "accelerometer unit", force_unit, confidence if at_rest else 0.5 * confidence, evidence
         )
     ]
-    gyro_factor, gyro = 1.0, unknown("gyro unit", "the sensor moves, and no receiver shows how")
+    gyro_factor, gyro = (
+        1.0,
+        unknown_property("gyro unit", "the sensor moves, and no receiver shows how"),
+    )
     if at_rest:
         gyro_factor, gyro = _gyro_unit(imu)
     findings.append(gyro)
@@ -121,7 +124,7 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
         f"unit, and the mean rate ({mean:.3g}) does not match it"
     )
     if scatter < NOISIEST_GYRO:
-        return 1.0, unknown("gyro unit", evidence)
+        return 1.0, unknown_property("gyro unit", evidence)
     if scatter * DEG_S < NOISIEST_GYRO:
         return DEG_S, answer(
             "gyro unit", "deg/s", 0.5, f"{evidence}; in rad/s no sensor is that noisy"
@@ -130,7 +133,7 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
         f"{evidence}; no sensor is that noisy in rad/s or deg/s, so the values are counts; give "
         "the value of one count in imu.units gyro"
     )
-    return QUIET_GYRO / scatter, unknown("gyro unit", evidence)
+    return QUIET_GYRO / scatter, unknown_property("gyro unit", evidence)
 
 
 def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]:
@@ -157,7 +160,11 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
         f"{tilt_deg:.1f} deg off the vertical at rest",
     )
     if counts:
-        return (stationary, vertical, unknown("Earth rate", "the unit of the gyros is not known"))
+        return (
+            stationary,
+            vertical,
+            unknown_property("Earth rate", "the unit of the gyros is not known"),
+        )
     return stationary, vertical, _earth_rate_finding(sensing.mean_gyro, sensing)
 
 

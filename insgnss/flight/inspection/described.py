@@ -9,7 +9,7 @@ from ...base.errors import InsgnssError, UsageError
 from ...io.exposures.instants import refuse_outside
 from ...navigation.prepare.clock import common_span
 from ...records import Finding, Question
-from ...report.document import Document, Section, checked
+from ...report.document import Document, Section, checks_section
 from ...report.verdict import worst_of
 from ..config.flight_file import Flight
 from ..config.load import load_flight
@@ -35,7 +35,7 @@ class FlightInspection(Inspected):
         unrecognised = [f"not recognised: {self.unrecognised}"] if self.unrecognised else []
         title = "What the data show when they are read as the flight file states"
         shown = (Section(title, unrecognised), findings_section(title, self.findings))
-        return Document(self.name, headline, verdict, (checked(self.checks), *shown)).text()
+        return Document(self.name, headline, verdict, (checks_section(self.checks), *shown)).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the inspection for JSON output."""

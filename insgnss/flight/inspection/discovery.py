@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.advance import through
 from ...base.errors import InputError, InsgnssError
-from ...base.inputs import check_input, is_file, opened
+from ...base.inputs import check_input, is_file, open_bytes
 from ...io.formats import READERS, describe, sniff_events, sniff_gnss, sniff_imu
 from ...io.formats.imu.psins import read_psins_header
 from .sources import NO_SIGMA, SINGLE_POINT, InputSource, Keys, LeftOut, Role
@@ -185,7 +185,7 @@ def sources_of(path: Path) -> list[InputSource]:
 
 def _known_log(path: Path) -> list[InputSource] | None:
     """Sources of a file whose format says what it holds; None for tables."""
-    with opened(path) as stream:
+    with open_bytes(path) as stream:
         if b"RINEX VERSION" in stream.read(256):
             return []
     logs = {

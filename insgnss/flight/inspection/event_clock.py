@@ -179,10 +179,10 @@ def _are_samples(events: CameraEvents, imu: ImuSamples) -> bool:
     # stamps rounded to the interval of the samples would be theirs by chance
     interval = float(np.median(np.diff(imu.time)))
     grid = np.abs(events.time / interval - np.round(events.time / interval))
-    return bool(gap.max() < SAME_SAMPLE_S and (grid.max() > 1.0 / LONGER or _uneven(imu.time)))
+    return bool(gap.max() < SAME_SAMPLE_S and (grid.max() > 1.0 / LONGER or _is_uneven(imu.time)))
 
 
-def _uneven(time: np.ndarray) -> bool:
+def _is_uneven(time: np.ndarray) -> bool:
     """Tell whether stamps are those of a clock, not multiples of an interval."""
     step = np.diff(time)
     return bool(np.ptp(step) > 1e-3 * float(np.median(step)))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from ...geodesy.axes import parse_axes
 from ...io.formats.imu.exchanged_columns import exchanged_columns
-from ...navigation.recognise.handedness import exchanged, of_axes
+from ...navigation.recognise.handedness import exchange_axes, of_axes
 from ...navigation.recognise.recognition import Recognition
 from ...records import ImuSamples, Question
 from .sources import InputSource
@@ -52,7 +52,7 @@ def right_handed(
         finding,
         "check the axes printed on the sensor; the draft exchanges both columns in imu.columns",
     )
-    imu = exchanged(imu, exchange.pair)
+    imu = exchange_axes(imu, exchange.pair)
     return (
         replace(source, keys=keys | {"columns": columns}, why=source.why | {"columns": finding}),
         replace(imu, notes=(*imu.notes, check)),

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from ...base.files import json_ready, picked
+from ...base.files import json_ready, pick_attributes
 from ...base.units import DEG_PER_H, MILLI_G
 from ...navigation.prepare.fix_path import north_east
 from ...navigation.recognise.findings import Finding
 from ...records.interpolation import columns_at
 from ...report.charts.chart import Chart
-from ...report.document import Document, Drawing, Section, Table, checked
+from ...report.document import Document, Drawing, Section, Table, checks_section
 from ...report.figures.recognition import answers_in_words
 from ...report.verdict import worst_of
 from .mounting_drawing import drawn_as_svg
@@ -72,7 +72,7 @@ def inspection_document(result: InspectionData, charts: Sequence[Chart] = ()) ->
             findings_section("Findings", result.findings),
             Section("What the sensor shows", tuple(_sensor(s, result.gyro_counts))),
             Section("Mounting", _mounting(result), "page"),
-            checked(result.checks),
+            checks_section(result.checks),
             Section("Files", [_source_line(source) for source in result.sources]),
             Section("Left out", left_out[:MOST_LEFT_OUT], more=left_out[MOST_LEFT_OUT:]),
         ),
@@ -116,7 +116,8 @@ def findings_section(title: str, findings: Sequence[Finding]) -> Section:
 def finding_documents(findings: Any) -> list[dict[str, Any]]:
     """Return the findings for JSON output."""
     return [
-        {"name": f.name, "value": f.found} | picked(f, "confidence", "evidence") for f in findings
+        {"name": f.name, "value": f.found} | pick_attributes(f, "confidence", "evidence")
+        for f in findings
     ]
 
 
@@ -173,12 +174,12 @@ def _mounting(result: InspectionData) -> "tuple[Drawing, ...]":
 def numbers_of(result: InspectionData) -> dict[str, Any]:
     """Return the inspection for JSON output."""
     s = result.sensing
-    noise = picked(s, "rest_gyro", "rest_accel", "moving_gyro", "moving_accel")
+    noise = pick_attributes(s, "rest_gyro", "rest_accel", "moving_gyro", "moving_accel")
     return {
-        **picked(result, "name", "unrecognised", "missing"),
+        **pick_attributes(result, "name", "unrecognised", "missing"),
         "sources": [
             {
-                **picked(x, "role", "what"),
+                **pick_attributes(x, "role", "what"),
                 "file": str(x.path),
                 "keys": {k: list(v) if isinstance(v, tuple) else v for k, v in x.keys.items()},
                 "columns_left_out": list(x.columns_left_out),
@@ -186,7 +187,7 @@ def numbers_of(result: InspectionData) -> dict[str, Any]:
             for x in result.sources
         ],
         "findings": finding_documents(result.findings),
-        "sensor": picked(s, "rate_hz", "length_s", "rest_s", "sees_earth", "grade")
+        "sensor": pick_attributes(s, "rate_hz", "length_s", "rest_s", "sees_earth", "grade")
         | {"white_noise_si": json_ready(noise)},
         "checks": [asdict(c) for c in result.checks],
         "left_out": {str(x.path): x.why for x in result.left_out},

@@ -147,15 +147,15 @@ def inspect_files(
     if gnss_source is not None:
         imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
     of_files = _name(paths), discovery.left_out, rinex
-    recorded = _recorded(of_files, imu_source, gnss_source, events_source, progress)
+    recorded = _read_sources(of_files, imu_source, gnss_source, events_source, progress)
     counting = in_ticks(imu_source, recorded.imu, recorded.gnss, recorded.recognition)
     if counting != imu_source:
-        recorded = _recorded(of_files, counting, gnss_source, events_source, progress)
+        recorded = _read_sources(of_files, counting, gnss_source, events_source, progress)
     progress("measuring noise")
     return _inspection(recorded)
 
 
-def _recorded(
+def _read_sources(
     of_files: tuple[str, tuple[LeftOut, ...], Survey | None],
     imu_source: InputSource,
     gnss_source: InputSource | None,
@@ -182,7 +182,7 @@ def _recorded(
         source for source in (imu_source, gnss_source, events_source) if source is not None
     )
     progress("recognising")
-    recognition, unrecognised = recognised(imu, gnss)
+    recognition, unrecognised = recognise_or_reason(imu, gnss)
     if recognition is not None and recognition.exchanges:
         imu_source, imu, recognition = right_handed(imu_source, imu, recognition)
         aiding = [source for source in sources if source.role != "imu"]
@@ -203,7 +203,7 @@ def _choose(
         halves = of_two_halves(discovery.of("gyro"), discovery.of("accel"))
         samples = () if halves is None else (halves,)
     if not samples:
-        listed = _listed(discovery) or "no files that could be a recording"
+        listed = _list_files(discovery) or "no files that could be a recording"
         raise InputError(
             f"{where}: no IMU samples found; there are {listed}; name the IMU's file, or give its "
             "columns in a flight file"
@@ -222,7 +222,7 @@ def _choose(
     )
 
 
-def _listed(discovery: Discovery) -> str:
+def _list_files(discovery: Discovery) -> str:
     """The files found; those that could not be read first, with the reason."""
     damaged = [
         f"{file.path.name} ({file.problem[:REASON_LENGTH]})"
@@ -307,7 +307,7 @@ def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:
     return week if in_file else NO_WEEK, (week, f"of {date}, {origin}")
 
 
-def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> tuple[Recognition | None, str]:
+def recognise_or_reason(imu: ImuSamples, gnss: GnssFixes | None) -> tuple[Recognition | None, str]:
     """Recognise the samples; None and the reason where that cannot be done."""
     if gnss is None:
         return None, "no fixes of a receiver"

@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...base.units import DEG_PER_H, MILLI_G, STANDARD_GRAVITY, rounded
+from ...base.units import DEG_PER_H, MILLI_G, STANDARD_GRAVITY, round_in_unit
 from ...geodesy.earth import EARTH_RATE
 from ...navigation.noise_model.model import (
     AxisNoise,
@@ -286,7 +286,7 @@ def _axes(
         "driving_noise": error.driving_noise,
     }
     units = NOISE_UNITS[sensor]
-    density, bias, driving = (rounded(value, units[key], 2) for key, value in values.items())
+    density, bias, driving = (round_in_unit(value, units[key], 2) for key, value in values.items())
     error = replace(error, driving_noise=driving)
     axis = AxisNoise(density, turn_on_bias=bias, gauss_markov=(error,))
     if constants is not None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
 from ...base.findings.remedies import Step
-from ...base.inputs import opened
+from ...base.inputs import open_bytes
 from ...base.wording import Settings, spoken_as, toml
 from ...geodesy.crs import is_globe
 from ...geodesy.datums import at_epoch, between_datums
@@ -378,7 +378,7 @@ def camera_of(flight: Flight) -> CameraTags | None:
         return None
     try:
         first = match.images / image_names(match.images, match.image_ending)[0]
-        with opened(first) as stream:
+        with open_bytes(first) as stream:
             return camera_tags(stream, first.name)
     except (OSError, InputError):  # told where the images are matched
         return None

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...geodesy.rotation import rpy_from_rotation
 from ...navigation.diagnosis.estimated import (
-    combined,
+    combine_estimates,
     constant_states,
     state_verdicts,
     time_correlated_errors,
@@ -134,7 +134,7 @@ def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[dict[str, 
             "sigma": e.sigma,
             "assumed": stated.get(e.state, 0.0),
         }
-        for e in combined([segment.constants for segment in segments])
+        for e in combine_estimates([segment.constants for segment in segments])
     ]
 
 

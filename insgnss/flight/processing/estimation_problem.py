@@ -23,7 +23,7 @@ from ...navigation.filter.layout import BarometerErrors, FixErrors, StateLayout,
 from ...navigation.filter.linearised import with_measurements
 from ...navigation.filter.problem import EstimationProblem
 from ...navigation.noise_model.model import NoiseModel
-from ...navigation.prepare.barometer import levelled
+from ...navigation.prepare.barometer import level_heights
 from ...navigation.prepare.clock import cut_fixes
 from ...navigation.prepare.increments import merge_marks
 from ...records import Array, GnssFixes
@@ -114,7 +114,7 @@ def prepare_segment(
     at_event = np.flatnonzero((exposure >= lo) & (exposure <= hi))
     heights = np.zeros((0, 2))
     if recording.barometer is not None:
-        heights = levelled(recording.barometer, recording.gnss, lo, hi)
+        heights = level_heights(recording.barometer, recording.gnss, lo, hi)
     measurements = recording.measurements
     inside = [np.flatnonzero((m.time >= lo) & (m.time <= hi)) for m in measurements]
     increments, (at_fix, exposed, at_height, at_grid, *measured) = recording.prepared.increments(

@@ -130,7 +130,7 @@ def _process(
     week = recording.gps_week
 
     clock.step("prepare")
-    prepared = _prepared(flight, recording)
+    prepared = _prepare_segments_of(flight, recording)
     background = ground_below(flight, recording.gnss, prepared.frame) if write else None
     if not flight.filter.time_offset:  # else the fixes are moved, and prepared again
         recording = recording.without_samples()
@@ -184,7 +184,7 @@ def _process(
     return result
 
 
-def _prepared(flight: Flight, recording: Recording) -> PreparedFlight:
+def _prepare_segments_of(flight: Flight, recording: Recording) -> PreparedFlight:
     """Pose the estimation problems of a flight."""
     if recording.cameras:
         span = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)

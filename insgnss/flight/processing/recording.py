@@ -26,7 +26,7 @@ from ...navigation.prepare.barometer import refuse_apart
 from ...navigation.prepare.clock import common_week
 from ...navigation.prepare.dead_band import DeadBand
 from ...navigation.prepare.fix_covariance.decision import CovarianceRules, decide
-from ...navigation.prepare.imu import PreparedImu, prepared
+from ...navigation.prepare.imu import PreparedImu, prepare_imu
 from ...navigation.prepare.stationarity import StationaryPeriods
 from ...navigation.recognise.claims import compare, exchange_in_words
 from ...navigation.recognise.handedness import with_exchanges
@@ -221,7 +221,7 @@ def read_recording(flight: Flight) -> Recording:
     gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
     models = [load_noise_model(imu.noise) for imu in (flight.imu, *flight.imu.further)]
     white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
-    prepared_imu = prepared(
+    prepared_imu = prepare_imu(
         [replace(d, white_noise=w) for d, w in zip(devices, white, strict=True)], gnss, week
     )
     del devices  # 8 hours at 500 Hz are 0.8 GB
@@ -247,7 +247,7 @@ def read_recording(flight: Flight) -> Recording:
     recognition = None
     contradicted = {check.name for check in checks if check.verdict == "contradiction"}
     if flight.gnss.stationary is None and contradicted <= set(OF_AXES):
-        recognition, disagreements = _recognised(flight, imu, C_b_imu, gnss)
+        recognition, disagreements = _recognise_conventions(flight, imu, C_b_imu, gnss)
         checks = _with_recognised(checks, disagreements, recognition, bool(contradicted))
         recognition = None if contradicted else recognition
     stationary = prepared_imu.stationary
@@ -388,7 +388,7 @@ def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> Remedy:
     return f"exchange {a} and {b} of gyro and accelerometer in the file (convert it to a table)"
 
 
-def _recognised(
+def _recognise_conventions(
     flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
 ) -> tuple[Recognition, list[Finding]]:
     """Compare what the liveliest minutes say of units, axes and clock with the flight file."""

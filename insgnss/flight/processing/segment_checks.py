@@ -243,7 +243,7 @@ def wider_than_needed(solution: Solution, white: StateLayout) -> tuple[float, fl
     layout = posed[0].layout
     if layout.gm < 0 and layout.unfixed_gm < 0 and max(layout.white_scale) <= 1.0:
         return None
-    adopted, alone = _filtered(*posed), _filtered(*with_layout(*posed, white))
+    adopted, alone = _filter_window(*posed), _filter_window(*with_layout(*posed, white))
     if adopted is None or alone is None:
         return None
     later = slice(alone.sigma.shape[0] // 2, None)  # without the start
@@ -260,7 +260,7 @@ def wider_than_needed(solution: Solution, white: StateLayout) -> tuple[float, fl
     return (ratio, factor) if AS_CLAIMED[0] < ratio < AS_CLAIMED[1] and white_noise else None
 
 
-def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
+def _filter_window(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
     """Filter a window; None where the filter diverges."""
     history = make_history(problem.epochs, problem.layout, smoothed=False)
     try:

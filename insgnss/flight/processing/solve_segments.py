@@ -143,13 +143,13 @@ def solve_segments(
             failures.append((span, error))
     if not solved:
         longest = max(failures, key=lambda failure: failure[0][1] - failure[0][0])[1]
-        raise DataError(f"{longest}{_noted(recording.checks)}")
+        raise DataError(f"{longest}{_odd_checks(recording.checks)}")
     return solved, [check_segments([s.solution.time for s in solved], failures)] if len(
         spans
     ) > 1 else []
 
 
-def _noted(checks: Iterable[Finding]) -> str:
+def _odd_checks(checks: Iterable[Finding]) -> str:
     """What the checks of a recording found odd, to be said beside its failure.
 
     What recognises units and axes by the motion says nothing more where there is none.
@@ -229,7 +229,7 @@ def _search(
         flight.filter.second_pass,
         step,
         lambda problem: align(flight, problem, prepared.moved_s),
-        _requested(flight),
+        _requested_groups(flight),
         flight.filter.adaptive_noise == "auto",
         recording.of_receiver,
         recording.events is not None,
@@ -278,7 +278,7 @@ def _solve(
         case.checks,
         time_offset_s=prepared.moved_s,
         stated=stated_constants(flight),
-        requested=_requested(flight),
+        requested=_requested_groups(flight),
         constants=case.constants,
     )
 
@@ -296,7 +296,7 @@ def _plumb_line(flight: Flight, solution: Solution) -> tuple[SharedError, ...]:
     return (SharedError(0, solution.time.size - 1, cov, PSI),)
 
 
-def _requested(flight: Flight) -> tuple[str, ...]:
+def _requested_groups(flight: Flight) -> tuple[str, ...]:
     """Return the groups of constants that the flight file has estimated."""
     options = flight.filter
     lever_arm = (LEVER_ARM,) if options.lever_arm else ()

@@ -202,7 +202,7 @@ def readme(
         _text_of_format(SEE, name) or TO_DO.format(file=file, spec=export_format.page, frame=frame),
         _text_of_format(LOOK, name),
         "What to see",
-        _expected(scene, projection, ground_m),
+        _expected_pixels(scene, projection, ground_m),
         (
             "What mistakes look like (median residual of the points in this scene, before any"
             " adjustment)"
@@ -213,7 +213,7 @@ def readme(
         ADJUSTED,
         *(f"Note: {note}" for note in exported.notes),
     ]
-    return "\n\n".join(_wrapped(paragraph) for paragraph in parts if paragraph) + "\n"
+    return "\n\n".join(_wrap_lines(paragraph) for paragraph in parts if paragraph) + "\n"
 
 
 def _text_of_format(names: dict[str, str], name: str) -> str:
@@ -235,7 +235,7 @@ def _files(name: str, file: str) -> str:
     return "\n".join(lines)
 
 
-def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | None) -> str:
+def _expected_pixels(scene: Scene, projection: MapProjection | None, ground_m: float | None) -> str:
     expectation = "Residuals are below 0.01 px, the rounding of the printed digits."
     if projection is None:
         return expectation
@@ -256,7 +256,7 @@ def _line(mistake: str, px: float) -> str:
     return f"{'behind' if np.isinf(px) else f'{px:.1f}':>8} px  {mistake}"
 
 
-def _wrapped(text: str) -> str:
+def _wrap_lines(text: str) -> str:
     """Lines of `README_WIDTH`; what follows a number or a length stays behind it."""
     lines = []
     for line in text.splitlines():

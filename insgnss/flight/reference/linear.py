@@ -80,7 +80,7 @@ def new_filter(mean: Array, P: Array) -> "KalmanFilter":
     return kf
 
 
-def filtered(problem: LinearProblem) -> GaussianStates:
+def kalman_filter(problem: LinearProblem) -> GaussianStates:
     """Return the Kalman filter's estimate after the update at each epoch."""
     kf, identity = new_filter(problem.mean, problem.P), np.eye(problem.mean.size)
     means, covariances = [], []
@@ -94,7 +94,7 @@ def filtered(problem: LinearProblem) -> GaussianStates:
     return GaussianStates(np.array(means), np.array(covariances))
 
 
-def smoothed(problem: LinearProblem, filtered: GaussianStates) -> GaussianStates:
+def rts_smoother(problem: LinearProblem, filtered: GaussianStates) -> GaussianStates:
     """Return the Rauch-Tung-Striebel smoother's estimate of a filter's.
 
     Parameters
@@ -109,7 +109,7 @@ def smoothed(problem: LinearProblem, filtered: GaussianStates) -> GaussianStates
     return GaussianStates(x[..., 0] + c, P, gain)
 
 
-def eliminated(problem: LinearProblem) -> Array:
+def factor_graph(problem: LinearProblem) -> Array:
     """Return the solution of GTSAM's factor graph of the problem: no filter, no smoother.
 
     Parameters

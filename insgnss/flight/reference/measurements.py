@@ -69,7 +69,7 @@ def measurement(
     acceleration : (3,) of the IMU in l over the last interval, m/s^2.
     """
     if kind >= N_KINDS:
-        model = _predicted(problem, epoch, problem.measurements[kind - N_KINDS])
+        model = _predict_at_epoch(problem, epoch, problem.measurements[kind - N_KINDS])
     else:
         model = {
             POSITION_ROW: _position,
@@ -176,7 +176,9 @@ def _height(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:
     return residual, np.array([[ep.barometer_variance[epoch]]])
 
 
-def _predicted(problem: EstimationProblem, epoch: int, measured: MeasuredRows) -> ResidualModel:
+def _predict_at_epoch(
+    problem: EstimationProblem, epoch: int, measured: MeasuredRows
+) -> ResidualModel:
     """(T.27)."""
     rows = measured.rows[measured.at_epoch == epoch]
     if not rows.size:

@@ -45,7 +45,7 @@ from ...navigation.filter.filter import FEEDBACK_RAD, RESET_AFTER_S, RESET_FIXES
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...records import Array
 from .error_model import propagate
-from .linear import GaussianStates, LinearProblem, Measurement, new_filter, smoothed
+from .linear import GaussianStates, LinearProblem, Measurement, new_filter, rts_smoother
 from .measurements import measurement
 from .strapdown import NominalState
 
@@ -118,7 +118,7 @@ def solve_twin(
     for number in range(1, passes + 1):
         progress(f"reference twin, pass {number} of {passes}")
         forward = run_forward(problem, start, nominal)
-        estimate = smoothed(forward.linear, forward.filtered)
+        estimate = rts_smoother(forward.linear, forward.filtered)
         errors = zip(forward.states, estimate.mean, strict=True)
         nominal = [state.plus(error) for state, error in errors]
     assert nominal is not None, "at least one pass is needed"

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import InputError, OptionError
-from ...base.received.plugins import installed, load_installed
+from ...base.received.plugins import installed_plugins, load_installed
 from ...base.units import DEG
 from ...geodesy.gpstime import WEEK_S
 from ...io.formats.gnss.septentrio import DO_NOT_USE
 from ...io.formats.names import TIME, Names
 from ...io.formats.text.columns import TableSpec
 from ...io.formats.text.order import Lines, Picked, note, put_in_order
-from ...io.options.schema import declared
+from ...io.options.schema import declared_options
 from ...records import Array, Finding
 from ...records.measurements import Measurement, OwnState, Predict
 from .options import ENTRY_POINTS, SHIPPED, MeasurementInput
@@ -112,7 +112,9 @@ def kinds() -> Mapping[str, SensorKind]:
         An installed one cannot replace a shipped one.
     """
     shipped = import_module(".shipped", __package__).KINDS
-    return {name: load_installed(ENTRY_POINTS, name) for name in installed(ENTRY_POINTS)} | shipped
+    return {
+        name: load_installed(ENTRY_POINTS, name) for name in installed_plugins(ENTRY_POINTS)
+    } | shipped
 
 
 def turned_angles(options: MeasurementInput, *axes: str) -> tuple[OwnState, ...]:
@@ -238,7 +240,7 @@ def _rows_of_log(
 
 def _refuse_options(options: MeasurementInput, kind: SensorKind) -> None:
     """Refuse options that the kind does not read, and those that it needs and that are missing."""
-    known_options = declared(MeasurementInput)
+    known_options = declared_options(MeasurementInput)
     for name in dict.fromkeys(name for shipped in SHIPPED for name in kinds()[shipped].reads):
         default = getattr(options, name) == known_options[name].default
         if name not in kind.reads and not default:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...base.received.plugins import installed
+from ...base.received.plugins import installed_plugins
 from ...io.options.kinds import check
 from ...io.options.schema import Triple, columns_of_file, option
 
@@ -26,7 +26,7 @@ SHIPPED = (
 
 
 def _kinds() -> tuple[str, ...]:
-    return (*SHIPPED, *installed(ENTRY_POINTS))
+    return (*SHIPPED, *installed_plugins(ENTRY_POINTS))
 
 
 def _unit_keys() -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from ...io.formats.gnss.oem_headings import is_oem_log, read_oem_headings
 from ...io.formats.gnss.pos_header import POSITION_COLUMNS, ROOTS
 from ...io.formats.gnss.rtklib_pos import is_rtklib_pos, read_pos_rows
 from ...io.formats.gnss.septentrio import ANGLE_COLUMNS, is_sbf_text, read_sbf_attitudes
-from ...io.formats.names import TIME, sigma_names, spelled
+from ...io.formats.names import TIME, sigma_names, spell_names
 from ...io.formats.text.order import Picked, note, refuse_rows
 from ...records import Array
 from ...records.measurements import N_ERRORS, Motion, OwnState
@@ -187,7 +187,7 @@ def _magnetometer(options: MeasurementInput, columns: tuple[str, ...]) -> Modell
     return predict, (*irons, *field)
 
 
-def _airspeed(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
+def _predict_airspeed(options: MeasurementInput, columns: tuple[str, ...]) -> Modelled:
     """Return (1 + s) of the forward component of velocity less level wind, which is a state."""
 
     def predict(motion: Motion, states: Array) -> Array:
@@ -293,7 +293,7 @@ KINDS: dict[str, SensorKind] = {
     "magnetometer": SensorKind(
         *table_of(
             {
-                **{axis: f"{axis} {spelled(MAGNETOMETER_STEMS, axis)}" for axis in "xyz"},
+                **{axis: f"{axis} {spell_names(MAGNETOMETER_STEMS, axis)}" for axis in "xyz"},
                 **{f"sigma_{axis}": sigma_names(f"{axis} mag_{axis} m_{axis}") for axis in "xyz"},
             },
             "field",
@@ -313,7 +313,7 @@ KINDS: dict[str, SensorKind] = {
             },
             "velocity",
         ),
-        _airspeed,
+        _predict_airspeed,
         reads=("scale_sigma",),
     ),
     "position": SensorKind(

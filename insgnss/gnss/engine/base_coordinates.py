@@ -23,7 +23,7 @@ import numpy as np
 
 from ...base.errors import DataError, InputError
 from ...base.units import FOOT_M
-from ...base.wording import named
+from ...base.wording import spell
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...records import Array, Finding, GnssFixes, Question
 from ..options import EngineOptions, base_position
@@ -217,7 +217,7 @@ def _advice_for_coordinates(
 
 
 def _coordinate_options() -> str:
-    return f"{named('gnss.base_position')} and {named('gnss.base_point')}"
+    return f"{spell('gnss.base_position')} and {spell('gnss.base_point')}"
 
 
 def _advice_for_moving_base(
@@ -283,7 +283,7 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
     if chosen or options.base_position_m is None:
         return ask.ok(finding)
     advice = (
-        f"give {named('gnss.base_point')}: published coordinates are mostly of a marker or of the"
+        f"give {spell('gnss.base_point')}: published coordinates are mostly of a marker or of the"
         " antenna's reference point, which is 0.05 to 0.2 m below the phase centre"
     )
     return ask.note(f"{finding}, as nothing says", advice)
@@ -321,7 +321,7 @@ def _coordinate_notes(
     ):
         finding = f"of the {point}, with no ANTEX file for the antenna {base.antenna}"
         advice = (
-            f"give {named('gnss.antex')}, or the coordinates of the phase centre; without them"
+            f"give {spell('gnss.antex')}, or the coordinates of the phase centre; without them"
             " heights are wrong by the antenna's phase centre offset, 0.05 to 0.2 m"
         )
         checks.append(Question("base antenna", "the phase centre").note(finding, advice))

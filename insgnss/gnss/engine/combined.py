@@ -65,7 +65,9 @@ class Combination:
     lines: list[bytes]
 
 
-def combined(forward: Path, backward: Path, path: Path, kinematic: bool = True) -> Combination:
+def combine_solutions(
+    forward: Path, backward: Path, path: Path, kinematic: bool = True
+) -> Combination:
     """Combine two solutions by (C.1) and (C.2).
 
     Parameters
@@ -88,7 +90,7 @@ def combined(forward: Path, backward: Path, path: Path, kinematic: bool = True) 
     of_backward = np.concatenate([np.setdiff1d(np.arange(b.time.size), j), j[order > 0]])
     of_forward = np.concatenate([np.flatnonzero(~simultaneous), i[(order <= 0) & ~merged]])
     row = i[merged]
-    values_of_both = _merged(f, b, row, j[merged], kinematic)
+    values_of_both = _merge_epochs(f, b, row, j[merged], kinematic)
     values = [f.values[of_forward], b.values[of_backward], values_of_both]
     lines = [run.lines[k] for run, indices in ((f, of_forward), (b, of_backward)) for k in indices]
     lines += [_merged_line(f, k, fields) for k, fields in zip(row, values_of_both, strict=True)]
@@ -147,7 +149,7 @@ class _Run:
         )
 
 
-def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
+def _merge_epochs(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
     """Return the numbers (m, columns) of epochs i (m,) and j (m,) of the runs by (C.1), (C.2)."""
     separation = b.position[j] - f.position[i]
     total = f.cov[i] + b.cov[j]

@@ -71,7 +71,7 @@ def _count_rtcm_frames(content: bytes) -> int:
     return count
 
 
-def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> RinexFile:
+def convert_log(path: Path, directory: Path, navigation: tuple[Path, ...]) -> RinexFile:
     """Convert a receiver's log to RINEX 3.04; a file that is none stays as it is.
 
     Parameters
@@ -132,7 +132,7 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Rine
 
 
 def _of_autopilot(path: Path, directory: Path, navigation: tuple[Path, ...]) -> RinexFile:
-    """Convert what a receiver sent to the autopilot of a PX4 log, as `converted` does its own log.
+    """Convert what a receiver sent to the autopilot of a PX4 log, as `convert_log` does a log.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def _of_autopilot(path: Path, directory: Path, navigation: tuple[Path, ...]) -> 
             f"{path}: PX4: holds no messages of its receiver (topic gps_dump); let the autopilot"
             " log them (GPS_DUMP_COMM), or give the receiver's own log or RINEX"
         )
-    return converted(sent, directory, navigation)
+    return convert_log(sent, directory, navigation)
 
 
 def _run(command: list[str], path: Path) -> None:

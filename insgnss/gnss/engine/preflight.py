@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError
-from ...base.wording import named, setting
+from ...base.wording import setting, spell
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ...records import Array, Finding, Question
 from ..options import EngineOptions
@@ -272,7 +272,7 @@ def check_navigation(
         if toe_of["G"].size:
             remedy = f"{navigation_systems}; give the navigation of that day"
         raise InputError(
-            f"{navigation.source}: {message}; {remedy}, or leave G out of {named('gnss.systems')}"
+            f"{navigation.source}: {message}; {remedy}, or leave G out of {spell('gnss.systems')}"
         )
     finding = f"none of {' '.join(missing)} for {_span(rover)[3:]}: these systems are left out"
     advice = "add their navigation file"

@@ -1,6 +1,6 @@
 """RTKLIB in processes of its own: forward and backward solutions of a rover against a base
 (`Runs`, by the program of `program` with the option file of `options`), and their combination
-(`combined`).
+(`combine_solutions`).
 
 RTKLIB is global state without threads, and goes on without an option that it does not know. Choices
 are given by number, as their words differ between versions.
@@ -31,7 +31,7 @@ from ...base.advance import share
 from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
 from ...base.output.scratch import refuse_cut_off, scratch_directory
-from ...base.wording import named
+from ...base.wording import spell
 from ...io.formats.gnss.rtklib_pos import PosRows, read_rtklib_pos
 from ...records import Finding, GnssFixes, Question
 from ..options import (
@@ -47,7 +47,7 @@ from ..rinex.navigation_message import navigation_bytes, read_navigation
 from ..rinex.observation_record import Observations
 from ..rinex.observations import read_observations
 from .base_coordinates import Whereabouts, check_base_place
-from .combined import combined
+from .combined import combine_solutions
 from .normalised import engine_observations
 from .preflight import absolute, check_navigation, check_observations, interval, within_navigation
 from .program import OF_ALL_VERSIONS, binary, check_names, check_version, engine_command, version
@@ -230,7 +230,7 @@ class Runs:
         """Return how the engine ended: by its exit code, or past the deadline (`cpu` None)."""
         if cpu is None:
             return (
-                f"did not finish in {self.options.timeout_s:g} s; raise {named('gnss.timeout_s')}"
+                f"did not finish in {self.options.timeout_s:g} s; raise {spell('gnss.timeout_s')}"
             )
         return f"was ended by signal {-code}" if code < 0 else f"stopped with exit code {code}"
 
@@ -405,7 +405,7 @@ def solve(
             )
     pos = {name: target / f"{name}.pos" for name in ("combined", *PASSES_OF_ENGINE)}
     is_kinematic = f"pos1-posmode={KINEMATIC_MODE}" in texts["forward"].splitlines()
-    solution = combined(pos["forward"], pos["backward"], pos["combined"], is_kinematic)
+    solution = combine_solutions(pos["forward"], pos["backward"], pos["combined"], is_kinematic)
     atomic_write(pos["combined"], solution.lines)
     option_files: dict[str, Path] = {
         direction: target / f"{direction}.conf" for direction in PASSES_OF_ENGINE

@@ -28,7 +28,7 @@ def main(arguments: list[str]) -> int:
     formats = _formats(table)
     unknown = sorted(requested.keys() - formats.keys())
     if unknown:
-        return _failed(
+        return _report_failure(
             f"this version of RTKLIB has no option {unknown[0]}{nearest(unknown[0], formats)}", 2
         )
     not_numbers = [
@@ -37,10 +37,12 @@ def main(arguments: list[str]) -> int:
         if not _is(value, NUMBERS.get(formats[name], str))
     ]
     if not_numbers:
-        return _failed(f"{not_numbers[0]} is not a number as RTKLIB expects it for this option", 2)
+        return _report_failure(
+            f"{not_numbers[0]} is not a number as RTKLIB expects it for this option", 2
+        )
     rtklib.resetsysopts()
     if not rtklib.loadopts(option_file, table.ptr):
-        return _failed(f"{option_file}: the options cannot be read")
+        return _report_failure(f"{option_file}: the options cannot be read")
     processing, solution, paths = rtklib.prcopt_t(), rtklib.solopt_t(), rtklib.filopt_t()
     rtklib.getsysopts(processing, solution, paths)
     unlimited = rtklib.gtime_t(), rtklib.gtime_t()  # start and end of the processing
@@ -48,7 +50,7 @@ def main(arguments: list[str]) -> int:
         *(*unlimited, float(interval), 0.0, processing, solution, paths),
         *(files, len(files), output, "", ""),
     )
-    return _failed(f"postpos() returned {status}") if status else 0
+    return _report_failure(f"postpos() returned {status}") if status else 0
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
@@ -88,7 +90,7 @@ def _is(value: str, kind: type) -> bool:
     return True
 
 
-def _failed(message: str, code: int = 1) -> int:
+def _report_failure(message: str, code: int = 1) -> int:
     sys.stderr.write(message + "\n")
     return code
 

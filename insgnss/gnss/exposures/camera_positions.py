@@ -26,7 +26,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...geodesy.frames import geodetic_to_ecef, moved_geodetic, rotation_en
 from ...geodesy.gpstime import WEEK_S
-from ...io.exposures.match import delayed
+from ...io.exposures.match import delay_events
 from ...io.exposures.naming import ImageMatch, events_of, named
 from ...io.formats import read_gnss
 from ...records import Array, CameraEvents, Finding, GnssFixes, Question
@@ -124,7 +124,7 @@ def exposures_between(
         What a reader should know of the match and the interpolation.
     """
     events = named(events_of(path, match.image_ending, time_scale=time_scale), match)
-    positions, (_, interpolated) = camera_positions(read_gnss(fixes), delayed(events, delay_s))
+    positions, (_, interpolated) = camera_positions(read_gnss(fixes), delay_events(events, delay_s))
     notes = [f"{note.name}: {note.found}" for note in (*events.notes, interpolated)]
     if outside := len(events) - len(positions):
         notes.append(f"{outside} of {len(events)} exposures lie outside of {fixes.name}")

@@ -47,7 +47,7 @@ from numpy.typing import ArrayLike
 from ...base.errors import DataError, InputError
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.frames import ecef_to_geodetic
-from ...io.options.schema import declared
+from ...io.options.schema import declared_options
 from ...records import Array, GnssFixes
 from ...records.qualities import Quality
 from ..ppk_options import Air
@@ -63,7 +63,7 @@ K2, K3 = 22.1, 3.739e5  # K/hPa, K^2/hPa
 CELSIUS_ZERO = 273.15  # K
 # of the correction, one standard deviation: what (T.4) and the profile (T.3) leave
 SHAPE_SHARE = 0.1
-LIMITS = {name: (item.option.low, item.option.high) for name, item in declared(Air).items()}
+LIMITS = {name: (item.option.low, item.option.high) for name, item in declared_options(Air).items()}
 CORRECTED = (1, 2)  # of RTKLIB's qualities: fixed and float, the two of its relative mode of phases
 # name, least and largest of the stated standard deviations (hPa, K, 1): larger ones are no sigmas
 SIGMA_LIMITS = (

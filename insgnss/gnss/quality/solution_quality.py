@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...io.formats.gnss.pos_covariance import (
     SIGMAS_ASSUMED,
     covariance_of_roots,
@@ -139,13 +139,13 @@ def solution_series(
 ) -> dict[str, Any]:
     """Return arrays by name, as `report.charts.gnss` draws them."""
     series: dict[str, Any] = {"time": solution.fixes.time, "kind": kind}
-    series |= picked(solution, "satellites", "ratio", "age_s")
+    series |= pick_attributes(solution, "satellites", "ratio", "age_s")
     series |= {"distance_m": distance_m, "height_difference_m": height_difference_m}
     if separation is not None:
         sigma = np.sqrt(np.diagonal(separation.cov, axis1=1, axis2=2))
         series |= {"separation_m": separation.ned, "separation_sigma_m": sigma}
     if signals is not None:
-        series |= picked(signals, "gaps", "slip_time")
+        series |= pick_attributes(signals, "gaps", "slip_time")
         series |= {"slip_satellite": signals.slip_satellite.tolist()}
         series |= {"cn0_time": signals.cn0_time, "cn0": dict(signals.cn0)}
     return series

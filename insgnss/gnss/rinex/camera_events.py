@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import InputError
-from ...base.wording import named, setting, some
-from ...io.formats.events.events import numbered
-from ...io.formats.text.layout import shown
+from ...base.wording import setting, some, spell
+from ...io.formats.events.events import numbered_names
+from ...io.formats.text.layout import quote
 from ...io.formats.text.order import note, put_in_order
 from ...io.options.camera_options import RoverEvents
 from ...records import CameraEvents, Finding
@@ -64,7 +64,7 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
         finding += f", {span[0]:.3f} to {span[-1]:.3f} s"
         advice = "they get no position; leave these images out"
         notes += (note("camera events", finding, "epochs before and behind each", advice),)
-    names, unnamed = numbered(time.size)
+    names, unnamed = numbered_names(time.size)
     return CameraEvents(names, time, observations.gps_week, path, (*notes, unnamed))
 
 
@@ -105,7 +105,7 @@ def _exposure_events(
     records, invalid = _select_events(observations, wanted)
     if not records and observations.events.size:
         message = (
-            f"no external event has a record line with {shown(wanted.events_containing)}; look up"
+            f"no external event has a record line with {quote(wanted.events_containing)}; look up"
             " the text of the events in the file"
         )
         raise InputError.in_file(path, message)
@@ -127,7 +127,7 @@ def _exposure_events(
         )
     advice = (
         f"{_setting_to_keep()}; where they are exposures and their stamps are wrong, name their"
-        f" images in {named('camera.skip_images')}"
+        f" images in {spell('camera.skip_images')}"
     )
     valid = tuple(record for record in records if record not in invalid)
     return valid, (note("time marks", f"{finding}, and are left out", "valid ones", advice),)

@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError, installed
+from ...base.errors import InputError, required_library
 from ...base.inputs import read_bytes
 from ...base.unpacking import PACKED, check_unpacked, unpack
-from ...io.formats.text.layout import decode, float_of, shown
+from ...io.formats.text.layout import decode, float_of, quote
 from ...io.formats.text.text import Source, load
 from ...records import Array
 
@@ -176,7 +176,7 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
 def _restore_compact(path: Source, content: bytes) -> tuple[bytes, tuple[str, ...]]:
     """Return the RINEX of compact RINEX (Hatanaka), and what its program complained of."""
     problem = "is packed; install the package hatanaka (extra [ppk]), or unpack the file first"
-    with installed(problem, path):
+    with required_library(problem, path):
         import hatanaka
     check_unpacked(path, most_restored(content), "up to ")
     with warnings.catch_warnings(record=True) as complaints:
@@ -223,7 +223,7 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
         label = text[LABEL_COLUMN:].strip()
         records.append((len(records) + 1, label, text[:LABEL_COLUMN]))
         if label == "" and text.strip():
-            problem = f"no header record: {shown(text.strip())}; complete the header, or copy the"
+            problem = f"no header record: {quote(text.strip())}; complete the header, or copy the"
             problem += " file again"
             if offset >= buf.size:
                 problem = (
@@ -232,7 +232,7 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
             raise InputError.at_line(path, len(records), problem)
         ending = next((name for name in RECORDS_READ if text.rstrip().endswith(name)), label)
         if label not in (ending, "COMMENT"):
-            problem = f"{ending} stands beside columns 61 to 80: {shown(text.strip())}"
+            problem = f"{ending} stands beside columns 61 to 80: {quote(text.strip())}"
             raise _incorrect(path, len(records), problem)
     return _build_header(path, version, system, records), offset
 
@@ -261,14 +261,14 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
     version = text[:9].strip()
     kind = text[20:21].upper()
     if not re.fullmatch(r"[0-9](\.[0-9]+)?", version):
-        raise refused(f"RINEX version {shown(version)} is no number; copy the file again")
+        raise refused(f"RINEX version {quote(version)} is no number; copy the file again")
     if version[0] not in "234":
         raise refused(
             f"RINEX {version}; versions 2 to 4 are read here; convert it to RINEX 3 (gfzrnx -vo 3,"
             " convbin -v 3)"
         )
     if kind != "O":
-        content = FILE_KINDS.get(kind, f"type {shown(kind)}")
+        content = FILE_KINDS.get(kind, f"type {quote(kind)}")
         raise refused(
             f"holds {content} where observations must stand; give the observation file here"
         )
@@ -338,7 +338,7 @@ def _numbers_of_record(path: Source, records: Iterable[Record], label: str, coun
     values = [float_of(field.strip()) for field in fields]
     if None in values:
         expected = f"expected {count} number{'s' * (count > 1)}"
-        raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
+        raise _incorrect(path, line, f"{label}: {quote(text.strip())}, {expected}")
     return np.array(values, dtype=np.float64)
 
 
@@ -361,7 +361,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
             system = "" if version < 3 else text[0].upper()
             if not WHOLE_COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEM_LETTERS):
                 expected = "expected a system and a number of codes"
-                raise _incorrect(path, line, f"{label}: {shown(text.rstrip())}, {expected}")
+                raise _incorrect(path, line, f"{label}: {quote(text.rstrip())}, {expected}")
             missing = int(count)
             types[system] = []
         codes = [
@@ -369,7 +369,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
             for k in range(min(width, missing))
         ]
         if not all(codes) or not types:
-            problem = f"{label}: fewer codes than announced: {shown(text.rstrip())}"
+            problem = f"{label}: fewer codes than announced: {quote(text.rstrip())}"
             raise _incorrect(path, line, problem)
         types[system] += codes
         missing -= len(codes)
@@ -431,7 +431,7 @@ def _glonass_slots(path: Source, records: Iterable[Record]) -> dict[str, int]:
         if label == "GLONASS SLOT / FRQ #":
             if not SLOTS.fullmatch(text):
                 expected = "expected pairs such as R01  1"
-                raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
+                raise _incorrect(path, line, f"{label}: {quote(text.strip())}, {expected}")
             pairs += re.findall(r"R *([0-9]{1,2}) +([+-]?[0-9]+)", text)
     return {f"R{int(slot):02d}": int(number) for slot, number in pairs}
 
@@ -452,7 +452,7 @@ def scale_of(
             factor = float(match[2])
         elif text[:10].strip() or not system:
             expected = "expected a system and 1, 10, 100 or 1000"
-            raise _incorrect(path, line, f"{label}: {shown(text.strip())}, {expected}")
+            raise _incorrect(path, line, f"{label}: {quote(text.strip())}, {expected}")
         for code in text[10:].split() or (types.get(system, ()) if match else ()):
             factors[system, code] = factor
     return factors

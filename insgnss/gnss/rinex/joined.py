@@ -35,7 +35,7 @@ class RinexFile:
     checks: tuple[Finding, ...] = ()
 
 
-def joined(paths: Sequence[Path], directory: Path) -> RinexFile:
+def join_observations(paths: Sequence[Path], directory: Path) -> RinexFile:
     """Join observation files of one receiver; a single one stays where it is.
 
     Parameters

@@ -31,7 +31,7 @@ from ...base.files import lines_of
 from ...base.inputs import read_bytes
 from ...base.unpacking import unpack
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
-from ...io.formats.text.layout import float_of, shown
+from ...io.formats.text.layout import float_of, quote
 from .navigation_4 import as_rinex_3
 from .systems import BEIDOU_LAG_S, CONSTANTS, is_geostationary
 from .through_georinex import messages_of_sp3
@@ -340,7 +340,7 @@ def _number(path: Source, begin: int, k: int, field: str) -> float:
     value = _value(field)
     if value is not None:
         return value
-    message = f"{shown(field)} is no number; is the file damaged?"
+    message = f"{quote(field)} is no number; is the file damaged?"
     raise InputError.at_line(path, begin + 1 + (k + 1) // 4, message)
 
 
@@ -364,7 +364,7 @@ def _calendar_date(path: Source, line: int, field: str) -> datetime:
             raise ValueError
         return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
     except ValueError:
-        problem = f"{shown(field.strip())} is no date and time of a clock; is the file damaged?"
+        problem = f"{quote(field.strip())} is no date and time of a clock; is the file damaged?"
         raise InputError.at_line(path, line, problem) from None
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
-from ...io.formats.text.layout import decode, shown
+from ...io.formats.text.layout import decode, quote
 from ...io.formats.text.order import AtLines, Picked, Rows, note, put_in_order
 from ...io.formats.text.text import Source
 from ...records import Array, Finding
@@ -224,7 +224,7 @@ class _Reading(AtLines):
             text, offset = line_at(self.buf, offset)
             if text.startswith(">") or (flag < 5 and not text[LABEL_COLUMN:].strip()):
                 message = (
-                    f"{shown(text)} where record {len(lines) + 1} of {state[k.COUNT]} of the event"
+                    f"{quote(text)} where record {len(lines) + 1} of {state[k.COUNT]} of the event"
                     f" in line {line} must stand"
                 )
                 raise InputError.at_line(
@@ -298,7 +298,7 @@ class _Reading(AtLines):
         line, next_offset = "", self.buf.size
         if state[k.MARK] < self.buf.size:
             line, next_offset = line_at(self.buf, int(state[k.MARK]))
-        field = shown(line.strip())
+        field = quote(line.strip())
         if status == k.CUT or (next_offset >= self.buf.size and not self.complete):
             epoch_line, _ = line_at(self.buf, int(state[k.OFFSET]))
             epoch = f"the epoch of line {state[k.LINE]} ({epoch_line[:32].strip(' >')})"
@@ -336,7 +336,7 @@ class _Reading(AtLines):
         width = len(last_line.rstrip()) - (3 if self.header.version >= 3 else 0)
         if width > 0 and width % 16 not in (14, 15, 0):
             line = int(self.state[self.kernels.LINE]) - 1
-            problem = f"the file ends within a number: {shown(last_line.strip())}; copy it again"
+            problem = f"the file ends within a number: {quote(last_line.strip())}; copy it again"
             raise InputError.at_line(self.path, line, f"truncated: {problem}")
         finding = "the last line has no end, so the file may be cut"
         self.notes.append(note("end of the file", finding, "a line's end", "copy it again"))

@@ -17,7 +17,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ...base.errors import InputError, installed, words_of
+from ...base.errors import InputError, required_library, words_of
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, calendar_from_gps
 from ...records import Array
@@ -61,7 +61,9 @@ def message_lines(begin: str, values: list[float]) -> list[str]:
 
 def library(path: str | Path, kind: str) -> ModuleType:
     """Return georinex; InputError for a file of this `kind` where it is not installed."""
-    with installed(f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}", path):
+    with required_library(
+        f"{kind} is read by georinex: pip install 'insgnss[ppk]'; {DOCTOR}", path
+    ):
         import georinex
     return georinex
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.files import lines_of, refuse_other_than_utf8
-from ...base.inputs import opened, read_bytes, readable
-from ...base.wording import named
+from ...base.inputs import open_bytes, read_bytes, readable
+from ...base.wording import spell
 from ...records import Array
 from ..formats.images.exif import time_taken
 from ..formats.names import IMAGE_ENDINGS
-from ..formats.text.layout import decode, shown
+from ..formats.text.layout import decode, quote
 
 
 def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...]:
@@ -53,7 +53,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
             raise InputError.in_file(
                 path,
                 f"holds the same image as {' and '.join(kinds)}; choose one by"
-                f" {named('camera.image_ending')}",
+                f" {spell('camera.image_ending')}",
             )
     else:
         with readable(path, "give a directory or a list of names"):
@@ -64,7 +64,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
         raise InputError.in_file(path, "holds no image; check the path and the ending")
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
-        raise InputError.in_file(path, f"image {shown(twice)} occurs twice; correct the list")
+        raise InputError.in_file(path, f"image {quote(twice)} occurs twice; correct the list")
     return tuple(names)
 
 
@@ -91,7 +91,7 @@ def image_times(directory: Path, names: Sequence[str]) -> Array | None:
     times: list[datetime] = []
     for name in names:
         try:
-            with opened(directory / name) as stream:
+            with open_bytes(directory / name) as stream:
                 times.append(time_taken(stream, name))
         except (OSError, ValueError):
             return None

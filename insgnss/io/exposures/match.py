@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
-from ...base.wording import named, setting, some
+from ...base.wording import setting, some, spell
 from ...records import Array, CameraEvents, Finding
 from ...records.cameras.mounting import LONGEST_DELAY_S
 from ..formats.events.events import UNNAMED
@@ -95,7 +95,7 @@ def check_delay(delay_s: float) -> None:
         )
 
 
-def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
+def delay_events(events: CameraEvents, delay_s: float) -> CameraEvents:
     """Return the events at the middles of their exposures, `delay_s` behind the stamps (E.1).
 
     Raises
@@ -124,7 +124,7 @@ def _check_skipped(
 ) -> None:
     if unknown := [item for item in skipped if item not in available]:
         raise UsageError(
-            f"{path}: {named(f'camera.skip_{kind}')} names {unknown[0]}, which is none of the"
+            f"{path}: {spell(f'camera.skip_{kind}')} names {unknown[0]}, which is none of the"
             f" {len(available)} {kind}"
         )
 
@@ -279,22 +279,22 @@ def _interval_advice(time: Array, number: NDArray[np.int64], count: int) -> str:
     step = np.diff(time)
     if step.size == 0:
         return (
-            f"list events without an image in {named('camera.skip_events')}, images without an"
-            f" event in {named('camera.skip_images')}"
+            f"list events without an image in {spell('camera.skip_events')}, images without an"
+            f" event in {spell('camera.skip_images')}"
         )
     if time.size == 2 * count and np.median(step[::2]) < 0.5 * np.median(
         step[1::2] if step.size > 1 else step
     ):
         ms = 1e3 * float(np.median(step[::2]))
         finding = f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse"
-        return f"{finding}; list the events of one edge in {named('camera.skip_events')}"
+        return f"{finding}; list the events of one edge in {spell('camera.skip_events')}"
     k = int(np.argmax(step))
     where = (
         f"the longest interval of events is {step[k]:.3f} s, after event {number[k]}, the median"
         f" {np.median(step):.3f} s"
     )
     key = "camera.skip_events" if time.size > count else "camera.skip_images"
-    return f"{where}; give the images' own times, or name those without a partner in {named(key)}"
+    return f"{where}; give the images' own times, or name those without a partner in {spell(key)}"
 
 
 def _numbers(names: Sequence[str]) -> list[int]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError
-from ...base.inputs import opened
+from ...base.inputs import open_bytes
 from ...records import CameraEvents
 from ...records.cameras.camera_positions import CameraPositions
 from ..formats import read_events
@@ -75,7 +75,7 @@ def exif_events(
     stamps = []
     for row, name in enumerate(names):
         try:
-            with opened(directory / name) as stream:
+            with open_bytes(directory / name) as stream:
                 stamps.append(stamp_taken(stream, name))
         except (OSError, ValueError) as error:
             raise images.error_at(row, f"holds no time of its exposure ({error})") from None

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...base.errors import UsageError
-from ...base.received.plugins import installed, load_installed
-from ...base.wording import named, written
+from ...base.received.plugins import installed_plugins, load_installed
+from ...base.wording import fill_in, spell
 from ...records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from .arrays.content import TableInfo
 from .detect import LOADERS, by_bytes, head_of, load_content
@@ -181,7 +181,7 @@ def readers(kind: str) -> Mapping[str, Reader]:
     mapping of str to Reader
         Those of installed packages first, which are asked first and replace no shipped one.
     """
-    names = (name.partition(".") for name in installed(FORMAT_ENTRY_POINTS))
+    names = (name.partition(".") for name in installed_plugins(FORMAT_ENTRY_POINTS))
     added = {
         form: load_installed(FORMAT_ENTRY_POINTS, f"{kind}.{form}")
         for of_kind, _, form in names
@@ -244,8 +244,8 @@ def _options(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
         )
         message = (
-            f"needs {written('columns {...}', 'columns = {tow = ..., ...}')}, and"
-            f" {named('variable')} where they are fields of a struct or labels of a matrix;"
+            f"needs {fill_in('columns {...}', 'columns = {tow = ..., ...}')}, and"
+            f" {spell('variable')} where they are fields of a struct or labels of a matrix;"
             f" there are {tables}"
         )
         raise UsageError(

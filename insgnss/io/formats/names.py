@@ -14,7 +14,7 @@ from ...records.from_tables import IMAGE_HEADERS
 Names = dict[str, str]
 
 
-def spelled(heads: str, tails: str) -> str:
+def spell_names(heads: str, tails: str) -> str:
     """Return all names of a head, a glue and a tail, blanks between them."""
     parts = product(heads.split(), ("_", ""), tails.split())
     return " ".join(f"{head}{glue}{tail}" for head, glue, tail in parts)
@@ -22,7 +22,7 @@ def spelled(heads: str, tails: str) -> str:
 
 def sigma_names(axes: str) -> str:
     """Return names of a standard deviation along an axis of these names."""
-    return spelled("sd std sigma rms acc stdev", axes)
+    return spell_names("sd std sigma rms acc stdev", axes)
 
 
 def deviations(axes: str) -> str:
@@ -52,7 +52,7 @@ TIME: Names = {
     " ~gps_seconds ~gps_sec ~stamp ~header_stamp ~elapsed ~seconds_elapsed ~zeit ~uhrzeit ~clock"
     " ~rosbag_timestamp ~header_time ~sampletimefine ~utc ~time_utc ~gps ~ts ~ms ~us ~millis"
     " ~micros ~timestamp_since1970 ~timestamp_sincereboot ~year ~utc_year "
-    f"{spelled(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
+    f"{spell_names(_PREFIXES, 'time times timestamp timestamps stamp clock tow time_of_week t')}",
     "week": "week gpsweek gps_week wn wnc ~gwk ~wk",
 }
 # parts of a second beside the seconds of `tow`, where a clock stands in two columns, and what one
@@ -63,8 +63,8 @@ GYRO_STEMS = "g gyro gyr gyroscope w omega rate angular_rate angular_velocity dt
 ACCEL_STEMS = "a acc accel accelerometer f acceleration linear_acceleration dv dvel"
 IMU: Names = {
     **TIME,
-    **{f"g{axis}": spelled(GYRO_STEMS, axis) for axis in "xyz"},
-    **{f"a{axis}": spelled(ACCEL_STEMS, axis) for axis in "xyz"},
+    **{f"g{axis}": spell_names(GYRO_STEMS, axis) for axis in "xyz"},
+    **{f"a{axis}": spell_names(ACCEL_STEMS, axis) for axis in "xyz"},
     **FINE,
     "counter": "packetcounter packet_counter packet_count",
     "temperature": "temperature temp",
@@ -149,7 +149,7 @@ PLACES: Names = {
     "sigma_z": f"{sigma_names('z u up h height elevation up_m')} z_acc",
 }
 # what Metashape's tables of references have besides; degrees or metres, as their CRS counts
-_REFERENCE = "enabled error yaw pitch roll omega phi kappa " + spelled(
+_REFERENCE = "enabled error yaw pitch roll omega phi kappa " + spell_names(
     "x y z yaw pitch roll omega phi kappa", "error est"
 )
 OF_A_REFERENCE = {"x_longitude": _REFERENCE, "x_easting": _REFERENCE}

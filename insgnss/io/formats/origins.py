@@ -7,7 +7,7 @@ import numpy as np
 from ...base.errors import InputError, UsageError
 from ...base.inputs import Source, opened_text
 from ...geodesy.frames import TangentPlane
-from .text.layout import shown
+from .text.layout import quote
 from .text.numbers import PLAIN, finite
 
 ORIGIN_BYTES = 16384  # characters of a table in which its comments stand (chosen)
@@ -43,7 +43,7 @@ def stated_plane(text: str) -> TangentPlane | None:
         return None
     lat, lon, height = map(finite, origin.groups())
     if np.isnan([lat, lon, height]).any() or not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
-        problem = f"{shown(origin[0])} is no origin of a tangent plane"
+        problem = f"{quote(origin[0])} is no origin of a tangent plane"
         raise UsageError(f"{problem}; {PLAIN}, angles in degrees")
     return TangentPlane(np.radians(lat), np.radians(lon), height)
 

@@ -1,7 +1,8 @@
 """The kinds of options: for each the form of its values, and what is wrong with one that cannot be.
 
 The reader of flight files, the constructors of records and the command line all judge a value by
-`accepted`; the first adds file and line to the refusal. A wing above adds its kinds by `register`.
+`accept_value`; the first adds file and line to the refusal. A wing above adds its kinds by
+`register`.
 """
 
 import argparse
@@ -16,8 +17,8 @@ from typing import Any, ClassVar, get_args
 
 from ...base.errors import OptionError, UsageError, near, nearest
 from ...base.units import LARGEST_UNIT, is_number, time_zone
-from ...base.wording import listed, named
-from .schema import Declared, class_names, declared, plain
+from ...base.wording import phrase, spell
+from .schema import Declared, class_names, declared_options, plain
 
 Problem = Callable[[Declared, Any], str]
 # m: a base that averaged its own position is off by metres, one of another datum by hundreds
@@ -52,7 +53,7 @@ class OptionKind:
     several: bool = False
 
 
-def accepted(item: Declared, value: Any, key: str) -> Any:
+def accept_value(item: Declared, value: Any, key: str) -> Any:
     """The value of an option in the form in which a record keeps it.
 
     Parameters
@@ -104,17 +105,17 @@ def check(instance: Any, table: str) -> None:
     OptionError
         Naming the first value that cannot be.
     """
-    options, start = declared(instance.__class__), f"{table}." if table else ""
+    options, start = declared_options(instance.__class__), f"{table}." if table else ""
     for field in fields(instance):
         value, key = getattr(instance, field.name), start + field.name
         if field.name in options:
-            object.__setattr__(instance, field.name, accepted(options[field.name], value, key))
+            object.__setattr__(instance, field.name, accept_value(options[field.name], value, key))
         elif problem := other_class(field.type, value):
             raise OptionError(key, problem)
     for name, item in options.items():
         missing = [needed for needed in item.option.needs if getattr(instance, needed) is None]
         if missing and getattr(instance, name) != item.default:
-            problem = f"has no meaning without {named(start + missing[0])}; give both"
+            problem = f"has no meaning without {spell(start + missing[0])}; give both"
             raise OptionError(start + name, problem)
 
 
@@ -146,7 +147,7 @@ def other_class(annotation: Any, value: Any) -> str:
     expected, classes = class_names(annotation), {base.__name__ for base in type(value).__mro__}
     if (value is None and "None" in expected) or classes & set(expected):
         return ""
-    return f"is of type {type(value).__name__}; it must be {listed(expected)}"
+    return f"is of type {type(value).__name__}; it must be {phrase(expected)}"
 
 
 def are_numbers(value: Any, count: int) -> bool:
@@ -163,7 +164,7 @@ def is_place(lat_deg: float, lon_deg: float, height_m: float) -> bool:
     return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and -1000.0 <= height_m <= 10000.0
 
 
-def swapped(lat_deg: float, lon_deg: float) -> str:
+def swapped_advice(lat_deg: float, lon_deg: float) -> str:
     """Advice for a latitude, longitude and height that cannot be a place."""
     if abs(lat_deg) > 90.0 >= abs(lon_deg):
         return "are latitude and longitude swapped?"
@@ -309,7 +310,7 @@ def _no_place(item: Declared, value: Any) -> str:
     if are_numbers(value, 3) and is_place(*value):
         return ""
     example = "; such as 46.5712345,6.5412345,512.345" if isinstance(value, str) else ""
-    advice = f"; {swapped(*value[:2])}" if are_numbers(value, 3) else example
+    advice = f"; {swapped_advice(*value[:2])}" if are_numbers(value, 3) else example
     return f"must be latitude, longitude (deg), ellipsoidal height (m){advice}"
 
 
@@ -321,7 +322,7 @@ def _no_moved(item: Declared, value: Any) -> str:
     north = EARTH_RADIUS_M * math.radians(new_lat - lat)
     east = EARTH_RADIUS_M * math.radians(new_lon - lon) * math.cos(math.radians(lat))
     moved = math.hypot(north, east, new_height - height)
-    far = f"are {moved:.0f} m apart (limit {MOST_MOVED_M:g} m); {swapped(new_lat, new_lon)}"
+    far = f"are {moved:.0f} m apart (limit {MOST_MOVED_M:g} m); {swapped_advice(new_lat, new_lon)}"
     return far if moved > MOST_MOVED_M else ""
 
 
@@ -348,7 +349,7 @@ def _no_choice(item: Declared, value: Any) -> str:
     if comparable and value in item.choices:
         return ""
     close = nearest(value, map(str, item.choices)) if isinstance(value, str) else ""
-    return f"must be {listed(item.choices)}" + (f"; did you mean {close!r}?" if close else "")
+    return f"must be {phrase(item.choices)}" + (f"; did you mean {close!r}?" if close else "")
 
 
 def _no_gm_sigma(item: Declared, value: Any) -> str:

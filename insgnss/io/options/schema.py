@@ -225,7 +225,7 @@ def _kind(annotation: Any) -> str:
 
 
 @cache
-def declared(table: type) -> Mapping[str, Declared]:
+def declared_options(table: type) -> Mapping[str, Declared]:
     """The options that a dataclass declares, by name; what must be given comes first."""
     options = []
     for item in fields(table):
@@ -248,14 +248,14 @@ def declared(table: type) -> Mapping[str, Declared]:
 def options_of(table: str, classes: Sequence[type]) -> Iterator[Declared]:
     """The options of a table of the flight file whose keys several dataclasses share."""
     for kind in classes:
-        for item in declared(kind).values():
+        for item in declared_options(kind).values():
             if item.option.only in ("", table):
                 yield item
 
 
 def reading_of(table: Any) -> dict[str, Any]:
     """The options of a table that say how its file is read, as keywords of the reader."""
-    options = declared(table.__class__).values()
+    options = declared_options(table.__class__).values()
     return {item.name: getattr(table, item.name) for item in options if item.option.of_file}
 
 
@@ -299,7 +299,7 @@ def refuse_unread(table: Any, name: str, changes: Mapping[str, Any]) -> None:
     OptionError
         Naming the first of them that is not the default.
     """
-    options = declared(table.__class__)
+    options = declared_options(table.__class__)
     file = next(iter(options))
     record = getattr(table, file)
     if record is None or isinstance(record, Path):

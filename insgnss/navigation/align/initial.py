@@ -156,7 +156,7 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
     misfits: list[float] = []  # median NIS of windows that did not converge to the data
     standing = standing_attitude(problem)
     for first, window, start in _candidates(problem, standing):
-        solution = _estimated(window, start)
+        solution = _estimate_window(window, start)
         if solution is None:
             continue
         nis = float(np.nanmedian(solution.nis[:, POSITION_ROW]))
@@ -205,7 +205,7 @@ def _heading_variance(solution: Solution) -> float:
     return float(solution.nav_covariance(slice(1))[0, AZ, AZ])
 
 
-def _estimated(window: EstimationProblem, start: InitialState) -> Solution | None:
+def _estimate_window(window: EstimationProblem, start: InitialState) -> Solution | None:
     """Return the window's solution, robust where its fixes are rejected (K.11).
 
     A start tens of degrees off rejects good fixes, resets its covariance (K.7) and never converges;
@@ -287,7 +287,7 @@ def _first_velocity(problem: EstimationProblem) -> Array:
     return np.linalg.lstsq(A, ep.position[with_position], rcond=None)[0][1]
 
 
-def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
+def _reverse_problem(problem: EstimationProblem, last: int) -> EstimationProblem:
     """Return the epochs last..0 of a problem, read against time."""
     epochs = np.arange(last, -1, -1)
     inc, end = problem.inc, problem.epochs.stop[last]
@@ -329,7 +329,7 @@ def _run_back(
     ] = -1.0
     if layout.offset >= 0:
         sign[IMU0 + layout.offset] = -1.0
-    back = _reversed(problem, first)
+    back = _reverse_problem(problem, first)
     # what follows a course, and no noise, grows backwards as it decays forwards
     beta = np.where(layout.drive > 0.0, layout.beta, -layout.beta)
     back = replace(back, layout=replace(layout, beta=beta))

@@ -51,7 +51,7 @@ def measured_attitude(problem: EstimationProblem) -> tuple[InitialState, str] | 
     roll, pitch = np.arctan2(-level[1], -level[2]), np.arctan2(level[0], np.hypot(*level[1:]))
     nominal = np.zeros((last, epochs.linear_about.shape[1]))
     nominal[:, : VEL.stop] = _motion_of_fixes(problem, last)
-    since_start, C_ln = _turned(problem, last), problem.frame.C_ln_at(epochs.position[0])
+    since_start, C_ln = _integrate_gyros(problem, last), problem.frame.C_ln_at(epochs.position[0])
     sums = np.zeros(HEADINGS_RAD.size)
     for k, heading in enumerate(HEADINGS_RAD):
         C_lb = C_ln @ rotation_from_rpy(np.array([roll, pitch, heading])) @ since_start
@@ -84,7 +84,7 @@ def _misfit(problem: EstimationProblem, measured: MeasuredRows, nominal: Array) 
     return float(np.sum(np.linalg.solve(root, residual) ** 2))
 
 
-def _turned(problem: EstimationProblem, last: int) -> Array:
+def _integrate_gyros(problem: EstimationProblem, last: int) -> Array:
     """Return the rotations (last, 3, 3) of the body since the start by its gyros alone."""
     stop = problem.epochs.stop[:last]
     steps = rotation_from_vector(problem.inc.dtheta[: stop[-1]])

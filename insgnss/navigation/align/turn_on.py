@@ -130,11 +130,11 @@ def turn_on_bias(
         )
     level_cov = 0.5 * (EARTH_RATE * np.cos(latitude)) ** 2 * (np.eye(3) - np.outer(u, u))  # (U.1)
     observed = gyro - EARTH_RATE * np.sin(latitude) * u, np.diag(gyro_noise**2) + level_cov
-    bias, bias_cov = _updated(np.diag(np.square(gyro_prior)), np.eye(3), *observed)
+    bias, bias_cov = _kalman_update(np.diag(np.square(gyro_prior)), np.eye(3), *observed)
     g = float(normal_gravity(latitude, height))
     sigma = np.hypot(np.linalg.norm(u * accel_noise), GRAVITY_SIGMA_MS2)
     size = np.array([np.linalg.norm(accel) - g])
-    force, force_cov = _updated(
+    force, force_cov = _kalman_update(
         np.diag(np.square(accel_prior)), u[None, :], size, np.array([[sigma**2]])
     )
     seconds = float(np.diff(periods.time, axis=1).sum())
@@ -157,7 +157,7 @@ def _mean(
     return mean, np.maximum(np.maximum(white, scatter), least)
 
 
-def _updated(P: Array, H: Array, z: Array, R: Array) -> tuple[Array, Array]:
+def _kalman_update(P: Array, H: Array, z: Array, R: Array) -> tuple[Array, Array]:
     """Return mean and covariance of a state after z = H x + noise of covariance R.
 
     Before, its mean is zero and its covariance P.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.findings.remedies import Remedy, SetKey, Step, joined
+from ...base.findings.remedies import Remedy, SetKey, Step, join_remedies
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, Question
 from ...records.cameras.mounting import Mounting
@@ -111,15 +111,15 @@ def advice(
         checks.append((max(abs(v) / s for v, s in of_group(group).values()), check))
 
     if any(lever):
-        strong = _shown(LEVER_ARM, suspected, rivals)
+        strong = _is_shown_wrong(LEVER_ARM, suspected, rivals)
         add(LEVER_ARM, _lever_arm(mounting, lever, by, strong, exposures))
     if TIME_OFFSET in values:
-        strong = _shown(TIME_OFFSET.group, suspected, rivals)
+        strong = _is_shown_wrong(TIME_OFFSET.group, suspected, rivals)
         check = _time_offset(*values[TIME_OFFSET], speed, by, strong)
         of_samples = _late_samples(*values[TIME_OFFSET], solution.problem.inc.nominal_s)
-        add(TIME_OFFSET.group, replace(check, remedy=joined((check.remedy, of_samples), "")))
+        add(TIME_OFFSET.group, replace(check, remedy=join_remedies((check.remedy, of_samples), "")))
     if CLOCK_RATE in values:
-        strong = _shown(CLOCK_RATE.group, suspected, rivals)
+        strong = _is_shown_wrong(CLOCK_RATE.group, suspected, rivals)
         add(CLOCK_RATE.group, _clock_rate(*values[CLOCK_RATE], minutes, speed, by, strong))
     for group, unit, factor in ((SCALE_FACTOR, "%", 1e2), (MISALIGNMENT, "mrad", 1e3)):
         if of_imu := of_group(group):
@@ -127,7 +127,7 @@ def advice(
     return [check for _, check in sorted(checks, key=lambda one: -one[0])]
 
 
-def _shown(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> bool:
+def _is_shown_wrong(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> bool:
     """Tell whether a kind of constant is shown to be wrong.
 
     What the flight does not tell from an error of the IMU alone is no contradiction of the flight
@@ -181,7 +181,7 @@ def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
-def unseen(
+def unseen_constants(
     solution: Solution, constants: ConstantsEvidence, events_with_fixes: bool = False
 ) -> Finding | None:
     """Say how well a flight by itself tells the constants of its fixes, and what it cannot see.
@@ -355,7 +355,7 @@ def _lever_arm(
     advised: Remedy = _either(mounting, value, sigma, exposures)
     if exact:
         stated = "mounting.antenna_sigma_m = 0 states an exact arm, so it is not estimated"
-        advised = joined((advised, stated), "; ")
+        advised = join_remedies((advised, stated), "; ")
     elif not exposures:
         estimated = SetKey("filter.lever_arm", True)
         advised = Step("set {} to have it estimated, or {}", estimated, advised)
@@ -367,7 +367,7 @@ def _lever_arm(
             "unchanged, and would turn the images as well: check the mounting first, as nothing "
             "else in a flight shows a wrong mounting;"
         )
-        advised = joined((first, advised), " else ")
+        advised = join_remedies((first, advised), " else ")
     stated = f"the flight file's{', stated as exact' * exact}, within {NEGLIGIBLE_M:g} m"
     another = "another one explains the innovations, " * exact
     finding = f"{another}the vector from the IMU to the antenna is off by {estimate} m{by}"

@@ -282,7 +282,7 @@ def with_layout(
     return replace(problem, layout=layout), InitialState(start.nav, x, mean, P)
 
 
-def widened(
+def widen_layout(
     problem: EstimationProblem, start: InitialState, layout: StateLayout
 ) -> tuple[EstimationProblem, InitialState]:
     """Pose the same problem with the states of another layout, some with larger a-priori sigmas.

@@ -55,7 +55,7 @@ from ..filter.layout import StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from .advice import NEGLIGIBLE_M
-from .candidates import FAR_FACTOR, WIDE_TIME_OFFSET_S, widened, without_other_aiding
+from .candidates import FAR_FACTOR, WIDE_TIME_OFFSET_S, widen_layout, without_other_aiding
 from .estimated import fix_counts, rms_speed
 from .evidence import follows, misfit, misfit_of_pass
 from .sensitivity import Constants, Sensitivity
@@ -141,12 +141,12 @@ def find_clock_step(
     # fixes that were withheld for standing apart may do so by the step alone
     every = problem.epochs._replace(withheld=np.zeros_like(problem.epochs.withheld))
     problem = replace(problem, epochs=every)
-    posed = widened(problem, start, layout)
+    posed = widen_layout(problem, start, layout)
     try:
         candidate = _strongest(*posed)
         if candidate is None:
             return None
-        mended = _with_samples if candidate.loses_samples else _refined
+        mended = _with_samples if candidate.loses_samples else _refine_step
         stepped, since, step_s, sigma = mended(*posed, candidate)
         solution = solve(stepped, posed[1], second_pass, progress)
     except DataError:
@@ -212,7 +212,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
         jump = np.zeros((instants.size, N_NAV))
         epochs = np.minimum(np.searchsorted(time, instants[kind]), time.size - 1)
         jump[kind, POS] = -velocity[epochs]
-        _, size, _, evidence = _passed(opened, start, instants, jump)
+        _, size, _, evidence = _step_statistics(opened, start, instants, jump)
         evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
         k = int(np.argmax(evidence))
         if evidence[k] < SHOWN_GAIN:
@@ -227,7 +227,7 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | 
     return _Candidate(solution, best, step_s, loses_samples=bool(of_imu[0]))
 
 
-def _refined(
+def _refine_step(
     problem: EstimationProblem, start: InitialState, candidate: _Candidate
 ) -> tuple[EstimationProblem, float, float, float]:
     """Return the problem with a step mended, its instant, its size and its sigma."""
@@ -235,12 +235,12 @@ def _refined(
     problem = problem if candidate.lapse is None else _without_lapse(problem, candidate.lapse)
     instants, none = np.array([since]), np.zeros((1, N_NAV))
     for _ in range(REFINED):
-        stepped = _moved(problem, solution, since, step_s)
-        solution, size, sigma, _ = _scanned(_fixes_alone(stepped), start, instants, none)
+        stepped = _move_fixes(problem, solution, since, step_s)
+        solution, size, sigma, _ = _scan_steps(_fixes_alone(stepped), start, instants, none)
         step_s += float(size[0])
         if abs(size[0]) < sigma[0]:
             break
-    return _moved(problem, solution, since, step_s), since, step_s, float(sigma[0])
+    return _move_fixes(problem, solution, since, step_s), since, step_s, float(sigma[0])
 
 
 def _with_samples(
@@ -252,8 +252,8 @@ def _with_samples(
     def outcome(since: float, step_s: float) -> tuple[float, float, float, float]:
         jump = np.zeros((1, N_NAV))
         jump[0, POS] = -velocity[np.searchsorted(time, since)]
-        bridged = _fixes_alone(_bridged(problem, since, -step_s))
-        unexplained, size, sigma, _ = _passed(bridged, start, np.array([since]), jump)
+        bridged = _fixes_alone(_insert_lost_time(problem, since, -step_s))
+        unexplained, size, sigma, _ = _step_statistics(bridged, start, np.array([since]), jump)
         # of the misfit, with the step that this one shows
         gain = float(size[0] / sigma[0]) ** 2
         step_s = min(step_s + float(size[0]), -problem.inc.nominal_s)
@@ -274,10 +274,10 @@ def _with_samples(
         best = min(outcome(float(since), best[2]) for since in around)
         reach = spacing
     _, since, step_s, sigma = best
-    return _bridged(problem, since, -step_s), since, step_s, sigma
+    return _insert_lost_time(problem, since, -step_s), since, step_s, sigma
 
 
-def _bridged(problem: EstimationProblem, since: float, lost_s: float) -> EstimationProblem:
+def _insert_lost_time(problem: EstimationProblem, since: float, lost_s: float) -> EstimationProblem:
     """Return the problem with time inserted at an instant, after which the stamps fall behind."""
     inc, epochs = problem.inc, problem.epochs
     old = np.concatenate([[0.0], np.cumsum(inc.dt)])
@@ -365,7 +365,7 @@ def _fixes_alone(problem: EstimationProblem) -> EstimationProblem:
     return replace(problem, gate=np.inf, huber_threshold=np.inf)
 
 
-def _scanned(
+def _scan_steps(
     problem: EstimationProblem, start: InitialState, since: Array, jump: Array
 ) -> tuple[Solution, Array, Array, Array]:
     """Return the solution, and of a step at each instant its size, its sigma and (Z.1)."""
@@ -374,7 +374,7 @@ def _scanned(
     return solution, *_shown_steps(steps)
 
 
-def _passed(
+def _step_statistics(
     problem: EstimationProblem, start: InitialState, since: Array, jump: Array
 ) -> tuple[float, Array, Array, Array]:
     """Return the misfit, and of a step at each instant its size, its sigma and (Z.1).
@@ -382,7 +382,7 @@ def _passed(
     Nothing is smoothed, unless measurements are linearised about what is.
     """
     if problem.measurements:
-        solution, size, sigma, evidence = _scanned(problem, start, since, jump)
+        solution, size, sigma, evidence = _scan_steps(problem, start, since, jump)
         return misfit(solution), size, sigma, evidence
     steps = _steps(problem, since, jump)
     passes = BlockwisePasses(problem, start, np.zeros(0, dtype=np.int64), 0)
@@ -437,7 +437,7 @@ def _without_lapse(problem: EstimationProblem, lapse: _Lapse) -> EstimationProbl
     return replace(problem, inc=replace(inc, dt=dt, dtheta=dtheta, dvel=dvel), epochs=epochs)
 
 
-def _moved(
+def _move_fixes(
     problem: EstimationProblem, solution: Solution, since: float, step_s: float
 ) -> EstimationProblem:
     """Return the problem with its fixes from an instant on moved by a step (Z.2)."""

@@ -383,7 +383,7 @@ def constants_evidence(
         The evidence; None where the filter does not follow the fixes.
     """
     states = [s for s, state in enumerate(layout.states) if group_of(state)]
-    wide, wide_start = with_layout(_open(problem), start, layout)
+    wide, wide_start = with_layout(_open_gate(problem), start, layout)
     rows, sigma = NAV.stop + np.array(states), layout.sigma0[states]
     # what the flight file says of them, which is not zero of stamps that were moved since
     stated_value = (wide_start.x[states] + wide_start.mean[rows]) / sigma
@@ -482,7 +482,7 @@ def group_of(state: State) -> State | None:
     return state.of_all_axes if state.group in (SCALE_FACTOR, MISALIGNMENT) else None
 
 
-def _open(problem: EstimationProblem) -> EstimationProblem:
+def _open_gate(problem: EstimationProblem) -> EstimationProblem:
     """Return the problem with its gate open; what lies beyond it is weighed down (K.11).
 
     A barometer and other sensors, whose own errors may be large, and constraints of the motion,

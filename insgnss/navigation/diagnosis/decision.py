@@ -15,7 +15,15 @@ from ..filter.problem import InitialState
 from ..filter.smoother import SharedError
 from ..filter.solution import Solution
 from ..innovations.withheld import predicts
-from .advice import advice, as_solved, message, swing_check, together, unseen, variance_check
+from .advice import (
+    advice,
+    as_solved,
+    message,
+    swing_check,
+    together,
+    unseen_constants,
+    variance_check,
+)
 from .candidates import FAR_FACTOR, ErrorModel, with_constants, with_larger_white_share
 from .clock_step import find_clock_step, step_check
 from .constants import (
@@ -137,7 +145,7 @@ def diagnose(
     if constants is None:
         return Diagnosis(solution, state.checks, state.history)
     middle_s = 0.5 * float(posed[0].epochs.time[-1])
-    unseen_errors = unseen(state.solution, constants, search.events_with_fixes)
+    unseen_errors = unseen_constants(state.solution, constants, search.events_with_fixes)
     checks = (*state.checks, *([unseen_errors] if unseen_errors else []))
     return Diagnosis(solution, checks, state.history, constants.estimates(middle_s))
 
@@ -246,7 +254,7 @@ def next_state(
         if delay is None:
             remedied = _with_constants(search, posed, state, constants, suspected, delays)
         else:
-            corrected = _corrected(state, delay)
+            corrected = _without_delay(state, delay)
             of_delay = delay.evidence, lambda: corrected
         unexplained = 0.0
         if promising and remedied is not None:
@@ -282,7 +290,7 @@ def _of_lost_fixes(
     return min(suspected.evidence, gain)
 
 
-def _corrected(state: Stage, delay: DynamicsTrial) -> Stage:
+def _without_delay(state: Stage, delay: DynamicsTrial) -> Stage:
     """Return the state without the delay of a sensor."""
     adopted, shared = (delay.solution, state.model), (delay.shared_error(state.solution),)
     names, checks = [delay.dynamics.name], [delay.check()]
@@ -295,7 +303,7 @@ def _beside_arm(search: ErrorModelSearch, posed: Posed, state: Stage) -> Candida
     if lag is None:
         return None
     if lag.evidence > 0.0:
-        return lag.evidence, lambda: _corrected(state, lag)
+        return lag.evidence, lambda: _without_delay(state, lag)
     shared = (lag.shared_error(state.solution, adopted=False),)
     sentence = f"the covariance allows for a rival of the estimated lever arm: {lag.sentence}"
     return 0.0, lambda: state.after_trial([BESIDE_ARM], sentence=sentence, shared=shared)
@@ -452,7 +460,7 @@ def _time_correlated(
         return None
     model = replace(state.model, fixes=errors)
     evidence = variances.evidence_of(search.layout(model), parameters)
-    return max(evidence, 0.0), lambda: _adopted(search, posed, state, model)
+    return max(evidence, 0.0), lambda: _adopt_slow_error(search, posed, state, model)
 
 
 def _resets(solution: Solution) -> int:
@@ -460,7 +468,9 @@ def _resets(solution: Solution) -> int:
     return fix_counts(solution.verdict)[2]
 
 
-def _adopted(search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel) -> Stage:
+def _adopt_slow_error(
+    search: ErrorModelSearch, posed: Posed, state: Stage, model: ErrorModel
+) -> Stage:
     """Solve again with a time-correlated GNSS error.
 
     As long as that loses fixes, it is tried with a larger white share. Where the one that loses

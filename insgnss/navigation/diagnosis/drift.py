@@ -45,7 +45,7 @@ from ..filter.codes import BIAS, IMU0, VEL
 from ..filter.layout import SLOW_BIAS, SLOW_STATE, SlowBias, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .candidates import ErrorModel, widened
+from .candidates import ErrorModel, widen_layout
 from .constants import TAKEN_EVIDENCE
 from .evidence import ErrorModelSearch, Posed, misfit
 from .variances import VarianceSearch
@@ -387,7 +387,7 @@ def bias_step_candidate(
     chosen = solution.separation_epoch
     around = np.arange(chosen[max(k - 1, 0)], chosen[min(k + 1, chosen.size - 1)] + 1)
     layout = solution.problem.layout
-    _, start = widened(*posed, layout)
+    _, start = widen_layout(*posed, layout)
     try:
         closer = solve(solution.problem, start, "off", separations=around, about=solution)
     except DataError:

@@ -237,7 +237,7 @@ def usual_sigma(cov: Array) -> Array:
     return np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2), axis=0))
 
 
-def combined(of_segments: Sequence[Sequence[Estimate]]) -> tuple[Estimate, ...]:
+def combine_estimates(of_segments: Sequence[Sequence[Estimate]]) -> tuple[Estimate, ...]:
     """Return the estimates of several segments of one flight as one each, by their weights.
 
     Each is a correction of the flight file's one value, whatever a segment was solved with. Where

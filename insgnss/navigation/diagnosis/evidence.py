@@ -38,7 +38,7 @@ from ..noise_model.model import NoiseModel
 from .candidates import (
     ErrorModel,
     LayoutFactory,
-    widened,
+    widen_layout,
     with_every_constant,
 )
 from .constants import ConstantsEvidence, constants_evidence, followed_constants
@@ -194,7 +194,7 @@ class ErrorModelSearch:
             (of_problem, of_start, of_model), solution = self._latest[0]
             if of_problem is problem and of_start is start and of_model == model:
                 return solution
-        again = widened(problem, start, self.layout(model))
+        again = widen_layout(problem, start, self.layout(model))
         try:
             solution = solve(*again, self.second_pass, self.progress)
         except DataError:
@@ -207,7 +207,7 @@ class ErrorModelSearch:
 
         Nothing is smoothed, unless measurements are linearised about what is.
         """
-        problem, start = widened(*posed, self.layout(model))
+        problem, start = widen_layout(*posed, self.layout(model))
         if problem.measurements:
             quick = replace(self, second_pass="off", progress=lambda _: None)
             solution = quick.solved(posed, model)

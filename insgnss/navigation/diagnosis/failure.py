@@ -9,7 +9,7 @@ from ...records import Finding
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import solve
 from .advice import advice, as_solved
-from .candidates import widened, with_constants
+from .candidates import widen_layout, with_constants
 from .constants import OTHERS, STRONG, Hypothesis
 from .decision import (
     OF_CLOCK,
@@ -114,7 +114,7 @@ def rescue(
             if following is None:
                 return None
             state, posed = following, following.posed or posed
-            again, first = widened(*posed, search.layout(state.model))
+            again, first = widen_layout(*posed, search.layout(state.model))
             gated = replace(again, gate=problem.gate)
             solution = solve(
                 gated, first, search.second_pass, search.progress, about=state.solution

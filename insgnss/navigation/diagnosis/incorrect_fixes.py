@@ -132,7 +132,7 @@ def withhold_incorrect_fixes(
     longest_s = LONGEST_SPELL_S if closing else np.inf
     candidate, spells = problem, tuple[FixSpell, ...]()
     for _ in range(PASSES):
-        history = _filtered(candidate, start)
+        history = _filter_or_none(candidate, start)
         if history is None:
             break
         if _follows(candidate, history):
@@ -184,7 +184,7 @@ def float_spells(
     spells = tuple[FixSpell, ...]()
     sizes = np.zeros_like(problem.epochs.sigma)
     corrected = problem
-    while (history := _filtered(corrected, start)) is not None:
+    while (history := _filter_or_none(corrected, start)) is not None:
         if _follows(corrected, history):
             break
         steps = _sudden_steps(corrected, history)
@@ -194,7 +194,7 @@ def float_spells(
         alone = len(steps) == 1 and not spells
         if len(steps) > 1:
             alone = _misclosure(steps[0].step, steps[1].step) < TAKEN_BACK
-        one = _converged(corrected, start, wide, steps[0], until, alone)
+        one = _correct_after_step(corrected, start, wide, steps[0], until, alone)
         if one is None:
             return None
         corrected, spells, sizes = one[0], (*spells, one[1]), np.hypot(sizes, one[2])
@@ -209,7 +209,7 @@ def float_spells(
     return replace(corrected, epochs=epochs), start, errors, spells
 
 
-def _converged(
+def _correct_after_step(
     problem: EstimationProblem,
     start: InitialState,
     layout: StateLayout,
@@ -238,7 +238,7 @@ def _converged(
         sigma, group = ep.sigma.copy(), ep.group.copy()
         sigma[rows], group[rows] = largest * course[rows, None], UNFIXED_GROUP
         epochs = ep._replace(sigma=sigma, group=group, withheld=withheld)
-        history = _filtered(replace(wide, epochs=epochs), begin)
+        history = _filter_or_none(replace(wide, epochs=epochs), begin)
         if history is None:
             return None
         cost[k] = misfit_of_pass(history, problem.gate)
@@ -492,7 +492,7 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[FixSpell, ...], do
     )
 
 
-def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
+def _filter_or_none(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
     """Filter a flight, however often its covariance is reset; None where the filter diverges."""
     history = make_history(problem.epochs, problem.layout, smoothed=False)
     try:

@@ -52,7 +52,7 @@ from .incorrect_fixes import (
     withhold_incorrect_fixes,
 )
 from .sensitivity import Sensitivity
-from .sensor_dynamics import OpenedFlight, opened_flight, ungated
+from .sensor_dynamics import OpenedFlight, opened_flight, without_gate
 from .time_correlated import code_errors, code_message
 
 OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
@@ -219,7 +219,7 @@ def _with_code_errors(case: Case) -> Case | None:
     return replace(case, problem=problem, start=start, errors=errors, search=search)
 
 
-def _filtered(case: Case) -> Case:
+def _filter_case(case: Case) -> Case:
     """Filter and smooth with what is followed beside the first pass."""
     search, start = case.search, case.start
     assert start is not None
@@ -295,7 +295,7 @@ def _rival_explains(case: Case, floating: FloatSpells) -> bool:
     search, start = case.search, case.start
     assert start is not None
     problem, start_of_float, errors, spells = floating
-    of_float = ungated(problem), start_of_float
+    of_float = without_gate(problem), start_of_float
     least = search.misfit_of(of_float, ErrorModel(errors)) + OF_SPELL * len(spells)
     opened = case.opened or opened_flight(search, (case.problem, start))
     if opened is None or opened.of_constants < least:
@@ -339,7 +339,7 @@ def _without_incorrect_values(case: Case) -> Case | None:
     return replace(case, problem=solution.problem, solution=solution, checks=checks)
 
 
-def _explained(case: Case) -> Case | None:
+def _explain_failure(case: Case) -> Case | None:
     """Refuse a failure whose cause the flight shows: a constant of the flight file."""
     case.search.progress("what would explain it")
     if case.problem.measurements and (wrong := _wrong_sensor(case)) is not None:
@@ -458,7 +458,7 @@ REMEDIES: tuple[Remedy, ...] = (
         lambda case: "" if case.failed else code_message(case.errors),
     ),
     # no remedy itself: the one above changes what is filtered, those below look at the outcome
-    Remedy("filter and smooth", lambda case: not case.failed, _filtered),
+    Remedy("filter and smooth", lambda case: not case.failed, _filter_case),
     Remedy(
         "a sensor that follows the motion late",
         lambda case: case.loses_fixes and case.moving,
@@ -470,7 +470,7 @@ REMEDIES: tuple[Remedy, ...] = (
         lambda case: not case.failed and bool(case.problem.measurements),
         _without_incorrect_values,
     ),
-    Remedy("a wrong constant, which is refused", lambda case: case.failed, _explained),
+    Remedy("a wrong constant, which is refused", lambda case: case.failed, _explain_failure),
     Remedy(
         "a gate too narrow for the start",
         lambda case: case.failed,

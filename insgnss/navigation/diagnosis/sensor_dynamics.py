@@ -298,7 +298,7 @@ class DynamicsTrial:
         )
 
 
-def ungated(problem: EstimationProblem) -> EstimationProblem:
+def without_gate(problem: EstimationProblem) -> EstimationProblem:
     """Return a problem that uses every fix, each with its own weight."""
     return replace(problem, gate=np.inf, huber_threshold=np.inf)
 
@@ -363,7 +363,7 @@ def dynamics_trials(
 
     The parameters are those of `dynamics_trial`. Without some that stay below the evidence `least`.
     """
-    opened = ungated(posed[0])
+    opened = without_gate(posed[0])
     same = search.misfit_of((opened, posed[1]), model) if every else np.nan
     trials = (
         dynamics_trial(search, posed, model, solution, one, same, least=least) for one in every
@@ -413,7 +413,7 @@ def dynamics_trial(
     """
     search.progress(f"{dynamics.name}, as a rival of what is suspected")
     (problem, start), motion = posed, about or solution
-    without = dynamics.corrected(ungated(problem), motion)
+    without = dynamics.corrected(without_gate(problem), motion)
 
     def cost(value: Array) -> float:
         size = search.misfit_of((without(value), start), model)
@@ -469,7 +469,7 @@ class OpenedFlight:
 
 def opened_flight(search: ErrorModelSearch, posed: Posed) -> OpenedFlight | None:
     """Solve a flight with every fix; None without a solution."""
-    opened, model = (ungated(posed[0]), posed[1]), search.requested_model
+    opened, model = (without_gate(posed[0]), posed[1]), search.requested_model
     try:
         shown = solve(*opened, "off", search.progress)
     except DataError:

@@ -270,7 +270,7 @@ def _fit(
             solution = solve(*posed, "off", progress, separations=0)
         except DataError:
             solution = None
-        if solution is None or _rejected(solution) > REJECTED_BY_FIT:
+        if solution is None or _rejected_share(solution) > REJECTED_BY_FIT:
             # something else is wrong besides, which white errors have to hold
             model, fits = _whiter(model), fits if white_only else ROUNDS
             continue
@@ -308,7 +308,7 @@ def _whiter(model: FixErrors) -> FixErrors:
     )
 
 
-def _rejected(solution: Solution) -> float:
+def _rejected_share(solution: Solution) -> float:
     """Return the share of positions, or half that of velocities, that the gate rejected."""
     verdict = solution.verdict[:, [POSITION_ROW, VELOCITY_ROW]]
     offered = np.maximum(np.count_nonzero(verdict != NOT_MEASURED, axis=0), 1)

@@ -243,7 +243,9 @@ class VarianceSearch:
         epochs = self.part.problem.epochs
 
         def cost(errors: FixErrors) -> float:
-            return evaluate([_linearised(self.part, layout_factory(errors))], np.zeros(0)).cost
+            return evaluate(
+                [_linearise_in_layout(self.part, layout_factory(errors))], np.zeros(0)
+            ).cost
 
         def with_hidden(share: float, time_s: float) -> FixErrors:
             if name == "fixes.position":
@@ -287,7 +289,9 @@ class VarianceSearch:
 
         def gains(time_s: float, shares: Sequence[float]) -> dict[tuple[float, float], float]:
             layout = layout_factory(with_time_correlated_error(errors, k, noise, time_s))
-            segment = _linearised(self.part, layout, (CORRELATED, POSITION_SIGMAS))  # for all
+            segment = _linearise_in_layout(
+                self.part, layout, (CORRELATED, POSITION_SIGMAS)
+            )  # for all
             of_time: dict[tuple[float, float], float] = {}
             for c in shares:
                 if min(of_time.values(), default=0.0) > -NO_WEIGHT:
@@ -299,7 +303,7 @@ class VarianceSearch:
         if time[-1] - time[0] < LEAST_SPAN * T or gains(T, (c,))[SLOW_FIRST] < 0.0:
             return None
         every = {key: gain for T in SLOW_S for key, gain in gains(T, tuple(SHARES)).items()}
-        share, time_s = _averaged(every, SHARES, SLOW_S)
+        share, time_s = _average_shares(every, SHARES, SLOW_S)
         return with_time_correlated_error(errors, k, share * noise, time_s)
 
     def _white_share(self, layout_factory: LayoutFactory, errors: FixErrors) -> tuple[float, float]:
@@ -311,7 +315,7 @@ class VarianceSearch:
             return 1.0, self.nothing.cost - 0.5 * float(g**2 / A)
         k = float(np.sqrt(max(LEAST_WHITE**2, 1.0 + 2.0 * step)))  # a variance is found at once
         layout = layout_factory(with_larger_white_share(errors, k))
-        segment = _linearised(self.part, layout, (POSITION_SIGMAS,))
+        segment = _linearise_in_layout(self.part, layout, (POSITION_SIGMAS,))
         return k, _least_cost(segment, np.zeros(1))
 
     def averaged(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors:
@@ -348,14 +352,14 @@ class VarianceSearch:
         for time_s in EVERY_S:  # whichever was found: one reality, one sigma
             share, free = first * float(np.sqrt(time_s / first_s)), np.ones(1, bool)
             layout = layout_factory(moved(share, time_s))
-            segment = [_linearised(self.part, layout, (CORRELATED,))]
+            segment = [_linearise_in_layout(self.part, layout, (CORRELATED,))]
             near = evaluate(segment, np.zeros(1), free)  # one step of the scoring to the best share
             step = np.clip(-near.gradient / near.information[0], -LARGEST_STEP, LARGEST_STEP)
             best = evaluate(segment, step, np.zeros(1, bool)).cost
             share *= float(np.exp(step[0])) if best <= near.cost else 1.0
             gains[share, time_s] = self.nothing.cost - min(best, near.cost)
         # where the part speaks against each of them nothing is left to average
-        return moved(*_averaged(gains)) if max(gains.values()) > 0.0 else errors
+        return moved(*_average_shares(gains)) if max(gains.values()) > 0.0 else errors
 
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
         """Return the log evidence (V.2) of the same flight with other states of its fixes.
@@ -372,7 +376,7 @@ class VarianceSearch:
         float
             Against the layout of the solution.
         """
-        other = evaluate([_linearised(self.part, errors_layout)], np.zeros(0))
+        other = evaluate([_linearise_in_layout(self.part, errors_layout)], np.zeros(0))
         return self._evidence(other.cost, parameters)
 
     def _hypothesis(self, family: str, to_beat: float) -> VarianceHypothesis:
@@ -411,7 +415,7 @@ class VarianceSearch:
         return np.array([name in self.families[family] for name in self.names])
 
 
-def _averaged(
+def _average_shares(
     gains: dict[tuple[float, float], float],
     shares: dict[float, float] = EVERY_SHARE,
     times: dict[float, float] = EVERY_S,
@@ -434,7 +438,7 @@ def _prior(values: Array, table: dict[float, float]) -> Array:
     return np.interp(np.log(values), np.log(list(table)), list(table.values()))
 
 
-def _linearised(
+def _linearise_in_layout(
     solution: Solution, layout: StateLayout, names: Sequence[str] = ()
 ) -> LinearSegment:
     """Linearise about the solution with the states of another layout at zero where they are new."""

@@ -40,7 +40,7 @@ from .filter import (
     measured_slots,
     outages,
     refuse_divergence,
-    relabelled,
+    relabel_slots,
 )
 from .kernels.backward import run_backward
 from .kernels.blas import link_blas
@@ -53,7 +53,7 @@ from .kernels.records import (
 )
 from .kernels.transitions import event_transitions
 from .problem import EstimationProblem, InitialState
-from .smoother import EventRows, Smoothed, SmootherState, copied
+from .smoother import EventRows, Smoothed, SmootherState, copy_state
 
 EPOCHS_OF_BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
@@ -194,7 +194,7 @@ class BlockwisePasses:
             self.transitions = EventTransitions.before(*size)
         unread = self.transitions is None and follower is None
         for b, first, last in through(list(self._blocks())):
-            self.checkpoints.append(copied(state))
+            self.checkpoints.append(copy_state(state))
             if self.transitions is not None:
                 self.products.append(self.transitions.product.copy())
             epochs, records, begin, events = self._of_block_views(b, first, last)
@@ -233,7 +233,7 @@ class BlockwisePasses:
         for b, first, last in through(list(self._blocks())[::-1]):
             epochs, records, begin, events = self._of_block_views(b, first, last)
             if not (self.whole or self.held == b):
-                run_forward(epochs, copied(self.checkpoints[b]), records, begin, *inputs)
+                run_forward(epochs, copy_state(self.checkpoints[b]), records, begin, *inputs)
                 self.held = b
             self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
@@ -317,7 +317,7 @@ def _event_rows(problem: EstimationProblem) -> EventRows:
 def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:
     """Return a copy of a state; what is not set of it is that of `unset`, which all share."""
     if state.within[0]:
-        return copied(state)
+        return copy_state(state)
     return unset._replace(adjoint=state.adjoint.copy(), information=state.information.copy())
 
 
@@ -350,7 +350,7 @@ def _piece_of_history(
         for name, each in zip(history._fields, history, strict=True)
         if name not in whole
     }
-    parts["outage"] = relabelled(parts["outage"])
+    parts["outage"] = relabel_slots(parts["outage"])
     return history._replace(**parts)
 
 

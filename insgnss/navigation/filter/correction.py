@@ -44,11 +44,13 @@ from .codes import ABSENT, N_NAV
 from .covariances import BlockAgain, ChainAgain
 from .event_chain import EventChain
 from .kernels.transitions import correct_backwards, event_transitions
-from .smoother import SharedError, numbered
+from .smoother import SharedError, number_rows
 from .solution import Solution, moved_by, solve
 
 
-def corrected(solution: Solution, derivatives: Array, moment: Array, root: Array) -> Solution:
+def correct_solution(
+    solution: Solution, derivatives: Array, moment: Array, root: Array
+) -> Solution:
     """Return a solution that knows what further observations say of its events (B.11).
 
     Parameters
@@ -75,7 +77,7 @@ def corrected(solution: Solution, derivatives: Array, moment: Array, root: Array
     delta = np.empty((solution.time.size, derivatives.shape[2]))
     nav, kept, cross = before.nav.copy(), before.kept.copy(), solution.event_cross.copy()
     of_nav, of_all = (np.tril_indices(size) for size in (N_NAV, delta.shape[1]))
-    whole = numbered(delta.shape[0], before.rows)
+    whole = number_rows(delta.shape[0], before.rows)
     b = np.concatenate([moment[:, :, None], root], axis=2)
     following: Array = np.zeros((0, 0))
     for piece in corrections(again, chain, derivatives, b):
@@ -236,7 +238,7 @@ def corrections(again: BlockAgain, chain: EventChain, T: Array, b: Array) -> Ite
         inside = error.within(chain.epoch)
         of_error = np.tensordot(T[inside][:, :, error.block], b[inside], ((0, 1), (0, 1)))
         added[3 * k : 3 * k + 3] = error.cov @ of_error
-    event = numbered(again.problem.epochs.stop.size, chain.epoch)
+    event = number_rows(again.problem.epochs.stop.size, chain.epoch)
     r, back = np.zeros((n, 2 * n)), np.empty((again.size + 1, n, 2 * n))
     z = np.vstack([d[-1], np.zeros((n, width)), added])
     for number in reversed(range(len(again.checkpoints))):

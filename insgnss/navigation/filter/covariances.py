@@ -13,13 +13,21 @@ from ...records import Array
 from .codes import N_NAV
 from .epochs import numbered_within, piece_of_epochs
 from .event_chain import EventChain, EventTransitions
-from .filter import forward_inputs, history_room, relabelled
+from .filter import forward_inputs, history_room, relabel_slots
 from .kernels.backward import run_backward
 from .kernels.forward import run_forward
 from .kernels.records import FilterHistory, FilterState
 from .kernels.transitions import event_transitions
 from .problem import EstimationProblem, InitialState
-from .smoother import EventRows, SharedError, Smoothed, SmootherState, copied, diagonal, unpacked
+from .smoother import (
+    EventRows,
+    SharedError,
+    Smoothed,
+    SmootherState,
+    copy_state,
+    diagonal,
+    unpack_triangles,
+)
 
 NO_EVENTS = slice(0, 0)  # of a block that is filtered again without its events
 COVARIANCES_AT_A_TIME = 4096  # covariances that are unpacked, or turned, at a time
@@ -121,7 +129,7 @@ class BlockAgain:
         last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
         block_epochs = piece_of_epochs(epochs, front, last)
         block_epochs = block_epochs._replace(event=numbered_within(block_epochs.event, events))
-        outage = relabelled(self.outage[front:last])
+        outage = relabel_slots(self.outage[front:last])
         count = last - front, n, last - front
         room = history_room(
             *count, self.slot, self.used, outage, last - front, events.stop - events.start
@@ -129,7 +137,7 @@ class BlockAgain:
         if self.nominal is not None:
             room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
         inputs = forward_inputs(self.problem, self.nominal is None)
-        run_forward(block_epochs, copied(self.checkpoints[b]), room, first - front, *inputs)
+        run_forward(block_epochs, copy_state(self.checkpoints[b]), room, first - front, *inputs)
         return room, block_epochs.event, front, first - front
 
     def _of_block(self, b: int, rows: np.ndarray) -> Array:
@@ -137,7 +145,7 @@ class BlockAgain:
         room, event, front, begin = self.records(b)
         count, n = room.m.shape
         smoothed = Smoothed.of(count, n, rows - front, EventRows.of(0), 0)
-        run_backward(event, room, True, copied(self.adjoints[b]), begin, smoothed)
+        run_backward(event, room, True, copy_state(self.adjoints[b]), begin, smoothed)
         return smoothed.kept
 
 
@@ -206,7 +214,7 @@ class ChainAgain:
             room, event, _, begin = again.records(b, events)
             event_transitions(event, room, begin, transitions)
             piece = rows.piece(0, event.size, slice(0, last - first))
-            run_backward(event, room, True, copied(again.adjoints[b]), begin, piece)
+            run_backward(event, room, True, copy_state(again.adjoints[b]), begin, piece)
         kept = transitions.of_events, read, rows.event_filter, rows.event_gain
         chain = EventChain(self.epoch[events], *kept, self.shared)
         return chain, replace(again, transitions=transitions, products=tuple(products))
@@ -281,7 +289,7 @@ class SmoothedCovariances:
         out = np.empty((epochs.size, N_NAV, N_NAV))
         for begin in range(0, epochs.size, COVARIANCES_AT_A_TIME):
             rows = slice(begin, begin + COVARIANCES_AT_A_TIME)
-            out[rows] = unpacked(self.nav[epochs[rows]])
+            out[rows] = unpack_triangles(self.nav[epochs[rows]])
         self._add_shared(out, epochs)
         return out
 
@@ -305,7 +313,7 @@ class SmoothedCovariances:
             pieces = np.array_split(epochs, -(-epochs.size // COVARIANCES_AT_A_TIME) or 1)
             of_states = [self.whole(piece)[:, states[:, None], states] for piece in pieces]
             return np.concatenate(of_states)
-        out = unpacked(self._triangles(epochs))
+        out = unpack_triangles(self._triangles(epochs))
         if self.states is not None:
             out = out[:, self.states[:, None], self.states]
         self._add_shared(out, epochs)

@@ -422,7 +422,7 @@ def common_errors(
     for first, last in pieces_of(k):
         errors, T = out[first:last], derivatives(slice(first, last))
         cross = errors[:, :, :c].reshape(len(errors) * d, c)
-        errors[:, :, :c] = _whitened(cross / sigma, correlation).reshape(len(errors), d, c)
+        errors[:, :, :c] = _whiten_cross(cross / sigma, correlation).reshape(len(errors), d, c)
         for i, error in enumerate(chain.shared):
             inside = error.within(chain.epoch[first:last])
             size, axes = np.linalg.eigh(error.cov)
@@ -471,7 +471,7 @@ def _of_nodes(
     return upper + upper.T + np.diag(np.diagonal(cov))
 
 
-def _whitened(cross: Array, cov: Array) -> Array:
+def _whiten_cross(cross: Array, cov: Array) -> Array:
     """Return cross L^-T of a covariance L L' with unit diagonal, zeros where it has no digits."""
     for jitter in JITTER:
         try:

@@ -105,13 +105,13 @@ def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
     if layout.offset < 0 or not index.size:
         return trajectory(solution, index, gps_week, events=True)
     d = event_delay(solution)
-    nav, A, u = _moved(solution, index, d)
+    nav, A, u = _move_in_time(solution, index, d)
     U = u[:, :, None] * _of_constants(solution, solution.problem.epochs.time[index])[:, None, :]
     states = _states(solution)
     P = solution.covariance(index, np.concatenate([np.arange(N_NAV), states]))
     to_clock, of_clock = P[:, :N_NAV, N_NAV:], P[:, N_NAV:, N_NAV:]
-    cov = _propagated(A, U, P[:, :N_NAV, :N_NAV], to_clock, to_clock, of_clock, A, U)
-    cross = _propagated(
+    cov = _propagate_to_events(A, U, P[:, :N_NAV, :N_NAV], to_clock, to_clock, of_clock, A, U)
+    cross = _propagate_to_events(
         *(A[:-1], U[:-1], solution.event_cross[1:]),
         *(to_clock[:-1], to_clock[1:], of_clock[1:], A[1:], U[1:]),
     )
@@ -167,7 +167,7 @@ def event_derivatives(
     nav, T = solution.nav[index], np.zeros((index.size, N_NAV, solution.problem.layout.size))
     T[:, :, :N_NAV] = np.eye(N_NAV)
     if of_receiver and solution.problem.layout.offset >= 0 and index.size:
-        nav, A, u = _moved(solution, index, event_delay(solution)[events])
+        nav, A, u = _move_in_time(solution, index, event_delay(solution)[events])
         T[:, :, :N_NAV] = A
         g = _of_constants(solution, solution.problem.epochs.time[index])
         T[:, :, _states(solution)] = u[:, :, None] * g[:, None, :]
@@ -189,7 +189,7 @@ def _of_constants(solution: Solution, elapsed: Array) -> Array:
     return np.column_stack([np.ones(elapsed.size), elapsed])[:, : _states(solution).size]
 
 
-def _moved(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Array, Array]:
+def _move_in_time(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Array, Array]:
     """States (k, 10) at t + d (X.1), A (k, 9, 9) and u (k, 9) of (X.2)."""
     frame, nav = solution.problem.frame, solution.nav[index].copy()
     C_lb, v = rotation_from_quaternion(nav[:, QUAT]), nav[:, VEL].copy()
@@ -233,7 +233,7 @@ def _means(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Arra
     return mean[:, :3], mean[:, 3:]
 
 
-def _propagated(
+def _propagate_to_events(
     A_j: Array,
     U_j: Array,
     cov: Array,

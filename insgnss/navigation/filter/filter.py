@@ -438,7 +438,7 @@ def refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> Non
         )
 
 
-def relabelled(outage: np.ndarray) -> np.ndarray:
+def relabel_slots(outage: np.ndarray) -> np.ndarray:
     """Return slots of the process noise that are the rows of the epochs themselves.
 
     Parameters

@@ -171,7 +171,8 @@ def _differences(
     H = np.empty((motion.time.size, measurement.values.shape[1], steps.size))
     for error, step in enumerate(steps):
         forward, backward = (
-            measurement.predicted(*_moved(problem, motion, states, error, s)) for s in (step, -step)
+            measurement.predicted(*_perturb(problem, motion, states, error, s))
+            for s in (step, -step)
         )
         H[:, :, error] = measurement.wrapped(forward - backward) / (2.0 * step)
     return H
@@ -220,7 +221,7 @@ def _earth_rate(problem: EstimationProblem, C_lb: Array) -> Array:
     return np.einsum("kij,i->kj", C_lb, problem.frame.earth_rate_l)
 
 
-def _moved(
+def _perturb(
     problem: EstimationProblem, motion: Motion, states: Array, error: int, step: float
 ) -> tuple[Motion, Array]:
     """Return motion and own states with one of their errors larger by a step."""

@@ -299,13 +299,13 @@ class Smoothed(NamedTuple):
         return cls(
             np.empty((m, n)),
             np.empty((m if full else 0, N_NAV * (N_NAV + 1) // 2)),
-            numbered(m, rows),
+            number_rows(m, rows),
             np.empty((rows.size, n * (n + 1) // 2)),
             np.zeros((read.begin.size - 1, N_NAV, N_NAV)),
             read,
             np.empty((read_rows, n)),
             np.empty((read_rows, n)),
-            numbered(m, chosen),
+            number_rows(m, chosen),
             np.zeros((chosen.size, n, n)),
             np.zeros((chosen.size, n)),
         )
@@ -318,7 +318,7 @@ class Smoothed(NamedTuple):
     @property
     def P(self) -> Array | None:
         """Smoothed covariance (k, n, n) at `rows`; None after a run without covariances."""
-        return unpacked(self.kept) if self.rows.size else None
+        return unpack_triangles(self.kept) if self.rows.size else None
 
     @property
     def separation_epoch(self) -> np.ndarray:
@@ -373,7 +373,7 @@ class Smoothed(NamedTuple):
         ]
 
 
-def numbered(m: int, rows: np.ndarray) -> np.ndarray:
+def number_rows(m: int, rows: np.ndarray) -> np.ndarray:
     """Return the number of each epoch among some of them.
 
     Parameters
@@ -393,7 +393,7 @@ def numbered(m: int, rows: np.ndarray) -> np.ndarray:
     return out
 
 
-def unpacked(triangle: Array) -> Array:
+def unpack_triangles(triangle: Array) -> Array:
     """Return symmetric matrices.
 
     Parameters
@@ -437,7 +437,7 @@ def _size_of(triangle: Array) -> int:
 State = TypeVar("State", FilterState, "SmootherState")
 
 
-def copied(state: State) -> State:
+def copy_state(state: State) -> State:
     """Return a state with arrays of its own.
 
     Parameters

@@ -185,11 +185,11 @@ def dense_trajectory(solution: Solution, gps_week: int, hz: float | None = None)
         wanted = first + np.arange(int((last - first) * hz) + 1) / hz - EPOCH_ROUNDING_S
     for begin in range(0, m - 1, EPOCHS_AT_A_TIME):
         end = min(begin + EPOCHS_AT_A_TIME, m - 1)
-        parts.append(_between(solution, begin, end, wanted, gps_week))
+        parts.append(_trajectory_between(solution, begin, end, wanted, gps_week))
     return Trajectory.joined(parts)
 
 
-def _between(
+def _trajectory_between(
     solution: Solution, begin: int, end: int, wanted: Array | None, gps_week: int
 ) -> Trajectory:
     """Return the trajectory after one epoch up to another, at what is wanted of it."""

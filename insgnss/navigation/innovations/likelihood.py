@@ -161,7 +161,7 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
     tuple of str
         Those of `LIKELIHOOD_PARAMETERS` that act on it.
     """
-    driven = {name: _driven(layout, name).any() for name in (*DRIVEN, *CORRELATED_STATES)}
+    driven = {name: _driven_states(layout, name).any() for name in (*DRIVEN, *CORRELATED_STATES)}
     white = {name: bool(layout.white[channels].any()) for name, channels in WHITE.items()}
     return tuple(
         name
@@ -170,7 +170,7 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
     )
 
 
-def _driven(layout: StateLayout, name: str) -> np.ndarray:
+def _driven_states(layout: StateLayout, name: str) -> np.ndarray:
     """Return the states (ns,) bool whose driving noise parameter `name` scales."""
     if name in CORRELATED_STATES:
         states = np.zeros(len(layout.states), dtype=np.bool_)
@@ -223,7 +223,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
             white[k, WHITE[name]] = layout.white[WHITE[name]]
             white[0, WHITE[name]] -= layout.white[WHITE[name]]
             continue
-        states = _driven(layout, name)
+        states = _driven_states(layout, name)
         drive[k, states], drive[0, states] = drive[0, states], 0.0
         stationary = IMU0 + np.flatnonzero(states & (layout.beta > 0.0))
         P0[k, stationary, stationary] = P0[0, stationary, stationary]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.advance import converged, share, through, within
+from ...base.advance import converged_share, share, through, within
 from ...records import Array
 from .likelihood import IMU_PARAMETERS, Evaluated, LinearSegment, evaluate
 
@@ -138,7 +138,7 @@ class Search:
             moved_maximum = Maximum(moved, evaluate(self.segments, moved, free))
             size = float(np.abs(moved - theta).max())
             longest = max(longest, size)
-            share(converged(size, longest, LAST_CHANGE))
+            share(converged_share(size, longest, LAST_CHANGE))
             gain, step = (
                 maximum.evaluated.cost - moved_maximum.evaluated.cost,
                 (moved - theta)[active],

@@ -87,13 +87,13 @@ def explain_sensors(
     posed, _ = linearised_about(posed, alone.nav, alone.x)
     about = about_solution(posed, alone.nav, alone.x)
     return [
-        _explained(posed, about, number)
+        _explain_sensor(posed, about, number)
         for number, measured in enumerate(posed.measurements)
         if names is None or measured.measurement.name in names
     ]
 
 
-def _explained(posed: EstimationProblem, about: Array, number: int) -> WrongSensor:
+def _explain_sensor(posed: EstimationProblem, about: Array, number: int) -> WrongSensor:
     """Explain one sensor of a problem that is linearised about the flight without them."""
     measured = posed.measurements[number]
     measurement, index = measured.measurement, measured.at_epoch
@@ -102,17 +102,17 @@ def _explained(posed: EstimationProblem, about: Array, number: int) -> WrongSens
     H_states = posed.epochs.linear_H[index, number, :c, OF_STATES:][:, :, measured.states]
     sigma = np.sqrt(np.diagonal(measurement.cov[measured.rows], axis1=1, axis2=2))
     prior = np.array([state.sigma for state in measurement.states])
-    base, _ = _fitted(residual, H_states, sigma, prior)
-    freed, constants = _fitted(residual, H_states, sigma, WIDER * prior)
+    base, _ = _fit_unknowns(residual, H_states, sigma, prior)
+    freed, constants = _fit_unknowns(residual, H_states, sigma, WIDER * prior)
     before, candidates = base, []
     if (beyond := np.abs(constants) / prior).max(initial=0.0) > FAR_SIGMAS:
         before = float(np.sum((residual / sigma) ** 2))
         state, value = measurement.states[beyond.argmax()], float(constants[beyond.argmax()])
-        candidates.append((freed, f"with its {_stated(state, value)}"))
+        candidates.append((freed, f"with its {_stated_text(state, value)}"))
 
     def with_one_more(column: Array, text: str, begin: float) -> None:
         columns, sigmas = np.dstack([H_states, column]), np.append(prior, np.inf)
-        squares, x = _fitted(residual, columns, sigma, sigmas)
+        squares, x = _fit_unknowns(residual, columns, sigma, sigmas)
         candidates.append((squares, text.format(begin + float(x[-1]))))
 
     predicted = measurement.values[measured.rows] - residual
@@ -125,7 +125,7 @@ def _explained(posed: EstimationProblem, about: Array, number: int) -> WrongSens
         as_course = replace(measured, measurement=replace(measurement, predict=_course))
         of_course = measurement.minus(measured.rows, prediction(posed, as_course, about))
         heading, course = (
-            _fitted(of[moving], H_states[moving], sigma[moving], prior)[0]
+            _fit_unknowns(of[moving], H_states[moving], sigma[moving], prior)[0]
             for of in (residual, of_course)
         )
         candidates.append((base * course / heading, "taken for the course over ground"))
@@ -138,7 +138,7 @@ def _explained(posed: EstimationProblem, about: Array, number: int) -> WrongSens
     return WrongSensor(measurement.name, text, *scatter)
 
 
-def _stated(state: OwnState, value: float) -> str:
+def _stated_text(state: OwnState, value: float) -> str:
     """Say of a constant what would be and what is stated."""
     unit, factor = ("deg", 1.0 / DEG) if state.unit == "rad" else (state.unit, 1.0)
     text = f"{state.name} at {factor * value:.3g} {unit}".rstrip()
@@ -162,7 +162,9 @@ def _rate(measured: MeasuredRows, predicted: Array) -> Array | None:
     return 0.5 * (np.vstack([change[:1], change]) + np.vstack([change, change[-1:]]))
 
 
-def _fitted(residual: Array, columns: Array, sigma: Array, prior: Array) -> tuple[float, Array]:
+def _fit_unknowns(
+    residual: Array, columns: Array, sigma: Array, prior: Array
+) -> tuple[float, Array]:
     """Return the weighted sum of squares that (V.3) leaves, and its unknowns."""
     A = (columns / sigma[:, :, None]).reshape(residual.size, -1)
     z = (residual / sigma).ravel()

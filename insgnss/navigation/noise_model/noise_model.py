@@ -38,7 +38,7 @@ def _is_amount(value: object) -> bool:
     return isinstance(value, Real) and 0.0 <= float(value) < math.inf
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     return f"{value:g}" if isinstance(value, Real) else repr(value)
 
 
@@ -69,13 +69,13 @@ class GaussMarkov:
     def __post_init__(self) -> None:
         if not (_is_amount(self.correlation_time_s) and self.correlation_time_s > 0.0):
             raise InputError(
-                f"correlation_time {_shown(self.correlation_time_s)} s must be positive and finite;"
-                " a random_walk has none"
+                f"correlation_time {_format_value(self.correlation_time_s)} s must be positive and"
+                " finite; a random_walk has none"
             )
         if not _is_amount(self.driving_noise):
             raise InputError(
-                f"driving_noise {_shown(self.driving_noise)} of a Gauss-Markov process must be"
-                " finite and not negative"
+                f"driving_noise {_format_value(self.driving_noise)} of a Gauss-Markov process must"
+                " be finite and not negative"
             )
 
     @classmethod
@@ -152,7 +152,7 @@ class AxisNoise:
         for name in NOISE_QUANTITIES:
             value = getattr(self, name)
             if not _is_amount(value):
-                raise InputError(f"{name} {_shown(value)} must be finite and not negative")
+                raise InputError(f"{name} {_format_value(value)} must be finite and not negative")
         quantities = {
             *NOISE_QUANTITIES,
             *(f"{key}_{k}" for key in GM_KEYS for k in range(1, len(self.gauss_markov) + 1)),

@@ -16,7 +16,7 @@ from .clock import common_span, unit_of_stamps
 AVERAGING_S = 1.0
 
 
-def levelled(barometer: BarometerHeights, fixes: GnssFixes, lo: float, hi: float) -> Array:
+def level_heights(barometer: BarometerHeights, fixes: GnssFixes, lo: float, hi: float) -> Array:
     """Return one height a second on the level of the fixes.
 
     Parameters

@@ -217,9 +217,9 @@ def _triad(table: OptionTable, sensor: str) -> TriadCalibration:
             raise table.error("matrix", fault)
         response = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     else:
-        response = np.eye(3) + _assembled(scale, off_diagonal)
+        response = np.eye(3) + _assemble_matrix(scale, off_diagonal)
     response_sigma = (
-        None if sigma[1] is None and off_sigma is None else _assembled(sigma[1], off_sigma)
+        None if sigma[1] is None and off_sigma is None else _assemble_matrix(sigma[1], off_sigma)
     )
     return TriadCalibration(
         np.zeros(3) if bias is None else bias, response, sigma[0], response_sigma
@@ -242,7 +242,7 @@ def _quantities(table: OptionTable, key: str, unit: str, sizes: tuple[int, ...])
         raise table.error(key, str(error)) from None
 
 
-def _assembled(diagonal: Array | None, off_diagonal: Array | None) -> Array:
+def _assemble_matrix(diagonal: Array | None, off_diagonal: Array | None) -> Array:
     """Assemble a (3, 3) matrix of its diagonal and the three or six values beside it."""
     out = np.diag(np.zeros(3) if diagonal is None else diagonal)
     if off_diagonal is not None:

@@ -1,6 +1,6 @@
 """The one door of this room for samples: from IMUs as they were read to what is estimated from.
 
-`prepared` leaves out stuck channels, applies sign, time offset, calibration and week, combines
+`prepare_imu` leaves out stuck channels, applies sign, time offset, calibration and week, combines
 several IMUs to one, and finds gyros with a dead band and the stationary periods. What a segment
 needs besides, which the marks of its fixes and exposures decide, the result makes of itself.
 """
@@ -189,7 +189,7 @@ class PreparedImu:
         return replace(self, stationary=self.stationary.where(none))
 
 
-def prepared(devices: Sequence[Device], gnss: GnssFixes, week: int) -> PreparedImu:
+def prepare_imu(devices: Sequence[Device], gnss: GnssFixes, week: int) -> PreparedImu:
     """Prepare the samples of a recording.
 
     Parameters

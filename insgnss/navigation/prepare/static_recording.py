@@ -163,12 +163,12 @@ def static_span(
             f"{imu.source}: no samples from {skip_s:g} s on, as the recording is {time[-1]:.1f} s "
             "long; skip less"
         )
-    first, last, whole = _unbroken(time, lo, hi, nominal, bridge_s)
+    first, last, whole = _longest_unbroken(time, lo, hi, nominal, bridge_s)
     cells = _places(time[first:last], nominal)
     filled = int(cells[-1]) + 1 - cells.size
     scale = 1.0 / nominal if imu.quantity == "increments" else 1.0
     gyro, accel = (
-        _even(triad[first:last], cells, filled, scale) for triad in (imu.gyro, imu.accel)
+        _resample_evenly(triad[first:last], cells, filled, scale) for triad in (imu.gyro, imu.accel)
     )
     rate = float(cells[-1] / (time[last - 1] - time[first]))
     checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
@@ -209,7 +209,7 @@ def _rate(time: Array, nominal: float) -> Finding:
     return ask.ok(finding)
 
 
-def _unbroken(
+def _longest_unbroken(
     time: Array, lo: int, hi: int, nominal: float, bridge_s: float
 ) -> tuple[int, int, Finding]:
     """First sample, the one after the last of the longest unbroken span, and the check."""
@@ -243,7 +243,7 @@ def _places(time: Array, nominal: float) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
 
 
-def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) -> Array:
+def _resample_evenly(values: Array, cells: NDArray[np.int64], filled: int, scale: float) -> Array:
     """(n, 3) on the grid, in rates."""
     if filled:
         values = columns_at(np.arange(float(cells[-1] + 1)), cells.astype(np.float64), values)

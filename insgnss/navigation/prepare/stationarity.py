@@ -121,16 +121,16 @@ class _Sums:
 
     def over(self, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Number of samples (w,), mean and variance (w, 6) of windows of blocks lo to hi - 1."""
-        n, s1, s2 = (_between(x, lo, hi) for x in (self.count, self.first, self.second))
+        n, s1, s2 = (_sums_between(x, lo, hi) for x in (self.count, self.first, self.second))
         per = np.maximum(n, 1.0)[:, None]
         return n, s1 / per + self.reference, np.maximum(s2 / per - (s1 / per) ** 2, 0.0)
 
     def between_blocks(self, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> Array:
         """Variance (w, 6) of the block means of each window."""
         mean = self.first / np.maximum(self.count, 1.0)[:, None]
-        n = np.maximum(_between(self.count, lo, hi), 1.0)[:, None]
-        middle = _between(self.first, lo, hi) / n
-        return np.maximum(_between(self.first * mean, lo, hi) / n - middle**2, 0.0)
+        n = np.maximum(_sums_between(self.count, lo, hi), 1.0)[:, None]
+        middle = _sums_between(self.first, lo, hi) / n
+        return np.maximum(_sums_between(self.first * mean, lo, hi) / n - middle**2, 0.0)
 
 
 def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> StationaryPeriods:
@@ -153,7 +153,9 @@ def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> Statio
         return _periods_of(sums, np.empty((0, 2), dtype=np.int64))
     lo = np.arange(blocks - WINDOW_BLOCKS + 1)
     hi = lo + WINDOW_BLOCKS
-    full = _between((sums.count < 0.5 * np.median(sums.count)).astype(np.float64), lo, hi) == 0.0
+    full = (
+        _sums_between((sums.count < 0.5 * np.median(sums.count)).astype(np.float64), lo, hi) == 0.0
+    )
     by_gnss = _seen_by_gnss(gnss, sums.edge(lo), sums.edge(hi))
     quiet = _quiet(sums, lo, hi, full & (by_gnss != MOVING), by_gnss)
     periods = _periods_of(sums, _runs(quiet, sums))
@@ -166,7 +168,7 @@ def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> Statio
     return periods.where(stands)
 
 
-def _between(x: Array, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> Array:
+def _sums_between(x: Array, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> Array:
     """Sums of the rows lo to hi - 1."""
     total = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
     return total[hi] - total[lo]
@@ -271,7 +273,7 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
         middle = 0.5 * (begin + end)
         velocity = columns_at(middle, gnss.time, gnss.velocity_ned)
         speeds.append((velocity, columns_at(middle, gnss.time, sigma_v)))
-    covered = _covered(gnss.time, begin, end)
+    covered = _windows_between_fixes(gnss.time, begin, end)
     for speed, deviation in speeds:
         useful = GNSS_SIGMAS * deviation.max(axis=1) < USEFUL_MS
         motion[covered & (motion == UNKNOWN) & useful] = CONFIRMED
@@ -279,7 +281,7 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
     return motion
 
 
-def _covered(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
+def _windows_between_fixes(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
     """Which windows lie between fixes that follow each other closely enough to interpolate."""
     long = np.concatenate(
         [[0], np.cumsum(np.diff(time) > 2.5 * max(nominal_interval(time), MOTION_BLOCK_S))]

@@ -155,7 +155,7 @@ def _direction(vector: Array, sigma: float) -> Direction:
     return Direction(vector / np.linalg.norm(vector), axis, off, max(2.0 * sure - 1.0, 0.0))
 
 
-def down(pose: Pose) -> Direction:
+def down_direction(pose: Pose) -> Direction:
     """Return the mean direction of down in the IMU's axes."""
     mean = pose.C_ns[:, 2, :].mean(axis=0)
     return _direction(mean, MOUNT_RAD / max(float(np.linalg.norm(mean)), 0.1))

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...base.findings.remedies import Remedy, SetKey, Step, joined
+from ...base.findings.remedies import Remedy, SetKey, Step, join_remedies
 from ...geodesy.axes import axes_words
 from ...geodesy.gpstime import WEEK_S, weeks_apart
 from ...records import Array, Finding, GnssFixes, ImuSamples, Question
@@ -129,7 +129,9 @@ def _compare_units(
         quantity_of = SetKey("imu.quantity", recognition.quantity)
         remedies.append(Step("they look like {}", quantity_of))
     if remedies:
-        return ask.against("; ".join(evidence), joined(remedies, "; "), sure > SURE_OF_EXCHANGE)
+        return ask.against(
+            "; ".join(evidence), join_remedies(remedies, "; "), sure > SURE_OF_EXCHANGE
+        )
     silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
     return ask.note(
         "; ".join(evidence), f"the data do not determine the {' and '.join(silent)}", when=silent
@@ -208,7 +210,7 @@ def _left_handed(
     triads = exchange.recognition.finding("gyro triad")
     finding = f"{error}: with {a} and {b} exchanged {triads.evidence}"
     sure = recognition.finding("gyro triad").confidence > SURE_OF_EXCHANGE
-    advice = joined((remedy(exchange.pair), sign, axes), "")
+    advice = join_remedies((remedy(exchange.pair), sign, axes), "")
     return Question("recognised axes", f"{claimed}, right-handed").against(finding, advice, sure)
 
 
@@ -289,7 +291,8 @@ def check_set_clock(imu: ImuSamples, gnss: GnssFixes) -> Finding | None:
         for rows, instant, sign in (("after", start, -1.0), ("up to", start + length, 1.0)):
             side = slice(row, None) if rows == "after" else slice(row)
             (misfit, offset), *of_controls = (
-                _misfit(_moved(imu, side, sign * by), gnss, instant) for by in (step, *controls)
+                _misfit(_move_stamps(imu, side, sign * by), gnss, instant)
+                for by in (step, *controls)
             )
             if misfit < of_controls[0][0] and CLEARLY * misfit < of_controls[-1][0]:
                 closings.append((abs(offset), rows, sign * step, misfit, of_controls[0][0]))
@@ -356,7 +359,7 @@ def ticks_of_counter(
         Ticks per second, Hz, and the evidence; None where no counter explains the motion
         `CLEARLY_TICKS` better, or the unit explains it as it is.
     """
-    claimed = unexplained(recognition)
+    claimed = unexplained_share(recognition)
     if claimed < EXPLAINED_SHARE:
         return None
     ratio = (imu.time[-1] - imu.time[0]) / max(gnss.time[-1] - gnss.time[0], 1.0) / unit_s
@@ -365,7 +368,7 @@ def ticks_of_counter(
         if 1.0 / LENGTHS_APART < ratio / hertz < LENGTHS_APART:
             start = imu.time[0]
             counted = replace(imu, time=start + (imu.time - start) / (unit_s * hertz))
-            tries.append((unexplained(recognise(counted, gnss)), hertz))
+            tries.append((unexplained_share(recognise(counted, gnss)), hertz))
     misfit, hertz = min(tries, default=(1.0, 0.0))
     if misfit > MOST_OF_TICKS or CLEARLY_TICKS * misfit > claimed:
         return None
@@ -375,14 +378,14 @@ def ticks_of_counter(
     )
 
 
-def unexplained(recognition: Recognition) -> float:
+def unexplained_share(recognition: Recognition) -> float:
     """Return the share of the motion that GNSS saw and the IMU does not; 1 where none is sure."""
     if recognition.finding("time offset").confidence <= SURE_OF_EXCHANGE:
         return 1.0
     return 1.0 - float(recognition.curves["lag_score"].max())
 
 
-def _moved(imu: ImuSamples, rows: slice, by: float) -> ImuSamples:
+def _move_stamps(imu: ImuSamples, rows: slice, by: float) -> ImuSamples:
     """Return the samples with the stamps of some moved."""
     time = imu.time.copy()
     time[rows] += by
@@ -398,5 +401,5 @@ def _misfit(imu: ImuSamples, gnss: GnssFixes, instant: float) -> tuple[float, fl
     if not ((gnss.time >= lo) & (gnss.time < hi)).any():
         return 1.0, 0.0
     recognition = recognise_between(imu, gnss, lo, hi)
-    misfit = unexplained(recognition)
+    misfit = unexplained_share(recognition)
     return misfit, recognition.time_offset_s if misfit < 1.0 else 0.0

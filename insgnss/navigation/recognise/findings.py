@@ -27,10 +27,10 @@ def answer(name: str, value: str, confidence: float, evidence: str) -> Finding:
         Of verdict "ok", or "unknown".
     """
     if not confidence:
-        return unknown(name, evidence)
+        return unknown_property(name, evidence)
     return Finding(name, value, confidence=confidence, evidence=evidence)
 
 
-def unknown(name: str, why: str) -> Finding:
+def unknown_property(name: str, why: str) -> Finding:
     """Return that the data do not determine a property, with the reason `why`."""
     return Finding(name, "unknown", verdict="unknown", confidence=0.0, evidence=why)

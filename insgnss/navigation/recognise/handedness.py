@@ -3,10 +3,10 @@
 Such readings are those of a mirror image E of the sensor. A force is a vector and a rate of turn a
 pseudovector, but what the columns hold is exchanged in both alike: f' = E f, omega' = E omega with
 det E = -1. No rotation takes f' to what GNSS saw; the rotation -C E' takes -f' to it, and carries
-it with -omega'. So the relation finds gyros and force reversed (`mirrored`), whichever of the three
-exchanges, single signs or all six signs it was: all differ by rotations, that is by the axes. Each
-exchange is therefore tried, and recognised again as a recording of its own; the flight file's axes
-tell which of the three it is.
+it with -omega'. So the relation finds gyros and force reversed (`is_mirrored`), whichever of the
+three exchanges, single signs or all six signs it was: all differ by rotations, that is by the axes.
+Each exchange is therefore tried, and recognised again as a recording of its own; the flight file's
+axes tell which of the three it is.
 """
 
 from collections.abc import Callable, Iterable
@@ -34,7 +34,7 @@ def order(pair: tuple[int, int]) -> tuple[int, ...]:
     return tuple(columns)
 
 
-def exchanged(imu: ImuSamples, pair: tuple[int, int], accel_sign: int = 1) -> ImuSamples:
+def exchange_axes(imu: ImuSamples, pair: tuple[int, int], accel_sign: int = 1) -> ImuSamples:
     """Return samples with two axes exchanged in both triads.
 
     Parameters
@@ -48,7 +48,7 @@ def exchanged(imu: ImuSamples, pair: tuple[int, int], accel_sign: int = 1) -> Im
     return replace(imu, gyro=imu.gyro[:, columns], accel=accel_sign * imu.accel[:, columns])
 
 
-def mirrored(recognition: Recognition, accel_sign: int = 1) -> bool:
+def is_mirrored(recognition: Recognition, accel_sign: int = 1) -> bool:
     """Tell whether the readings are those of left-handed axes.
 
     Parameters
@@ -90,10 +90,11 @@ def with_exchanges(
     Recognition
         With those exchanges that explain the motion, or as it was.
     """
-    if not mirrored(recognition, accel_sign):
+    if not is_mirrored(recognition, accel_sign):
         return recognition
     trials = (
-        Exchange(pair, recogniser(exchanged(imu, pair, accel_sign), gnss)) for pair in AXIS_PAIRS
+        Exchange(pair, recogniser(exchange_axes(imu, pair, accel_sign), gnss))
+        for pair in AXIS_PAIRS
     )
     return replace(recognition, exchanges=tuple(t for t in trials if explains(t.recognition)))
 

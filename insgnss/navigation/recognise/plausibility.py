@@ -6,7 +6,7 @@ sensor or a single impossible reading upsets what is computed from it further do
 
 import numpy as np
 
-from ...base.findings.remedies import Remedy, SetKey, Step, joined
+from ...base.findings.remedies import Remedy, SetKey, Step, join_remedies
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.axes import axes_words
 from ...geodesy.earth import curvature_radii
@@ -77,7 +77,7 @@ def check_recording(
     checks += [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
     if imu.time.size * dt > 2.0 * TURN_GRID_S:
-        time, rate, force = _thinned(imu, C_b_imu, dt)
+        time, rate, force = _thin_to_grid(imu, C_b_imu, dt)
         load = _load(time, rate, gnss)
         checks += [_force_norm(rate, force, load, imu, dt), _down_axis(force, C_b_imu)]
         checks.append(check_turns(time, rate, force, gnss, imu, dt, forces))
@@ -221,7 +221,7 @@ def _readings(imu: ImuSamples, dt: float) -> Finding:
     return ask.contradiction("; ".join(findings), advice)
 
 
-def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, Array]:
+def _thin_to_grid(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, Array]:
     """Time (k,), mean rate and specific force (k, 3) in body axes over `TURN_GRID_S`."""
     k = max(1, round(TURN_GRID_S / dt))
     n = imu.time.size // k
@@ -277,7 +277,7 @@ def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: flo
     ]
     advice = Step("check {imu.columns}, {imu.units} and {imu.quantity}")
     if close:
-        advice = Step("the values look like {}", joined(close))
+        advice = Step("the values look like {}", join_remedies(close))
     return ask.contradiction(finding, advice)
 
 

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.findings.remedies import Remedy, SetKey, Step, joined
+from ...base.findings.remedies import Remedy, SetKey, Step, join_remedies
 from ...base.units import DEG
 from ...geodesy.explain import Candidate, explain
 from ...records import Array, Finding, GnssFixes, Question
@@ -63,7 +63,7 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         return ask.ok("too few fixes to compare displacements with")
     mean = _mean_velocity(gnss.time, gnss.velocity_ned, pairs)
     rows = _fast(mean[:, :2], LEAST_SPEED_MPS)
-    moved = _displaced(gnss, pairs)
+    moved = _mean_velocities(gnss, pairs)
     advice = Step(
         "positions or velocities are wrong; check {gnss.columns} and units, or leave velocities out"
     )
@@ -87,7 +87,7 @@ def check_velocity(gnss: GnssFixes) -> Finding:
         )
         if explanation is not None:
             close = [ways[int(one.statement)][0] for one in (explanation.best, *explanation.alike)]
-            return ask.contradiction(finding, joined(close))
+            return ask.contradiction(finding, join_remedies(close))
         return ask.note(finding, advice)
     measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
     climbs = _fast(mean[:, 2:], CLIMB_MPS)
@@ -116,7 +116,7 @@ def _misreadings(
     )
 
     def placed(lat: Array, lon: Array) -> Callable[[Motion], Motion]:
-        return lambda motion: (_displaced(replace(gnss, lat=lat, lon=lon), pairs), motion[1])
+        return lambda motion: (_mean_velocities(replace(gnss, lat=lat, lon=lon), pairs), motion[1])
 
     def moving(factor: float) -> Callable[[Motion], Motion]:
         return lambda motion: (motion[0], factor * motion[1])
@@ -124,7 +124,7 @@ def _misreadings(
     places: list[tuple[Remedy, Array, Array]] = [
         (exchange, gnss.lon, gnss.lat),
         (radians, gnss.lat / DEG, gnss.lon / DEG),
-        (joined((radians, exchange), "; and "), gnss.lon / DEG, gnss.lat / DEG),
+        (join_remedies((radians, exchange), "; and "), gnss.lon / DEG, gnss.lat / DEG),
         (degrees, gnss.lat * DEG, gnss.lon * DEG),
         ("the sign of the latitude is wrong", -gnss.lat, gnss.lon),
         ("the sign of the longitude is wrong", gnss.lat, -gnss.lon),
@@ -159,7 +159,7 @@ def _mean_velocity(time: Array, velocity: Array, pairs: Pairs) -> Array:
     return np.asarray((way[last] - way[first]) / (time[last] - time[first])[:, None])
 
 
-def _displaced(gnss: GnssFixes, pairs: Pairs) -> Array:
+def _mean_velocities(gnss: GnssFixes, pairs: Pairs) -> Array:
     """Displacement by time (m, 3), m/s, north, east, down."""
     first, last = pairs
     p = np.column_stack([north_east(gnss), -gnss.height])

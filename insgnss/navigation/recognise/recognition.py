@@ -14,8 +14,8 @@ from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, GnssFixes, ImuSamples, Quantity
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
-from .axes import Direction, ForwardAxis, Pose, down, forward, poses, scores
-from .findings import MOST_CONFIDENCE, answer, unknown
+from .axes import Direction, ForwardAxis, Pose, down_direction, forward, poses, scores
+from .findings import MOST_CONFIDENCE, answer, unknown_property
 from .propulsion import propulsion
 from .relation import MAX_LAG_S, Relation, relate
 from .signal import ImuGrid, dead_channel, imu_grid
@@ -34,7 +34,7 @@ from .verdict import (
 EXCHANGED_ADVICE = Step(
     "latitude and longitude are exchanged: exchange their names in {gnss.columns} or in the file"
 )
-# what motion alone shows, in the order in which `_recognised` lists it
+# what motion alone shows, in the order in which `_combine_findings` lists it
 OF_MOTION = (
     *("gyro unit", "gyro triad", "force sign", "vertical axis", "forward axis", "axes"),
     *("time offset", "time scale"),
@@ -62,7 +62,7 @@ class Recognition:
         m/s. Numbers that a claim has converted wrongly have factors that belong to no unit; the
         name of the unit is empty then.
     findings : tuple of Finding
-        One for each property, in the order in which `_recognised` lists them.
+        One for each property, in the order in which `_combine_findings` lists them.
     curves : dict of str to ndarray
         Arrays for a picture (`recognise` lists them).
     axes : str or None
@@ -177,7 +177,7 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     grid, sound = imu_grid(imu), sound_fixes(gnss)
     if dead := dead_channel(imu):
         why = f"{dead} repeats one value for much of the recording"
-        return _abstained(unknown_force(1.0, why), 1.0, why)
+        return _without_gnss(unknown_force(1.0, why), 1.0, why)
     force = force_unit(grid)
     per_sample = grid.interval if force.quantity == "increments" else 1.0
     shift, reach = _clocks(imu, gnss)
@@ -185,16 +185,16 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     relation = relate(grid, gnss, sound, force, reach)
     if relation is None:
         why = "too few fixes or samples in common, or gyros without signal"
-        return _abstained(force, per_sample, why)
+        return _without_gnss(force, per_sample, why)
     if relation.fit is None:
         why = (
             "the IMU explains the motion that GNSS saw at no time offset and in no unit: check that"
             " both files are of one flight"
         )
-        return _abstained(force, per_sample, why, _scores(relation))
-    mirror = _mirrored(relation, grid, gnss, sound, force, reach)
+        return _without_gnss(force, per_sample, why, _scores(relation))
+    mirror = _exchange_latitude_longitude(relation, grid, gnss, sound, force, reach)
     week, pose = imu.gps_week or gnss.gps_week, poses(relation, gnss, sound)
-    return _recognised(relation, force, grid.interval, week, pose, shift, mirror)
+    return _combine_findings(relation, force, grid.interval, week, pose, shift, mirror)
 
 
 def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
@@ -210,7 +210,7 @@ def recognise_between(imu: ImuSamples, gnss: GnssFixes, lo: float, hi: float) ->
     return recognise(cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi))
 
 
-def _mirrored(
+def _exchange_latitude_longitude(
     relation: Relation,
     grid: ImuGrid,
     gnss: GnssFixes,
@@ -247,7 +247,7 @@ def _clocks(imu: ImuSamples, gnss: GnssFixes) -> tuple[float, float]:
     return float(imu.time[0] - gnss.time[0]), float(np.clip(longest, 2.0 * MAX_LAG_S, WIDE_S))
 
 
-def _recognised(
+def _combine_findings(
     relation: Relation,
     force: ForceUnit,
     interval: float,
@@ -262,7 +262,7 @@ def _recognised(
     trusted = min(of_force_unit, of_unit.confidence, triads.confidence)
     clock = of_clock(relation, week, trusted, shift)
     sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirror)
-    vertical = down(pose)
+    vertical = down_direction(pose)
     of_down = of_vertical(vertical, of_force.confidence)
     ahead = forward(pose, vertical)
     assert relation.fit is not None
@@ -308,11 +308,11 @@ def _plain_gyro_unit(force: ForceUnit) -> str:
     return "rad" if force.quantity == "increments" else "rad/s"
 
 
-def _abstained(
+def _without_gnss(
     force: ForceUnit, per_sample: float, why: str, curves: dict[str, Array] | None = None
 ) -> Recognition:
     """What is left where GNSS does not help: the unit of the accelerometers."""
-    of_motion = (unknown(name, why) for name in OF_MOTION)
+    of_motion = (unknown_property(name, why) for name in OF_MOTION)
     findings = (force.of_quantity, force.of_unit, *of_motion)
     units = _plain_gyro_unit(force), force.unit
     factors = 1.0, force.factor * per_sample

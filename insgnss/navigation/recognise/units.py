@@ -11,7 +11,7 @@ import numpy as np
 
 from ...base.units import DEG, STANDARD_GRAVITY
 from ...records import Finding, Quantity
-from .findings import MOST_CONFIDENCE, answer, unknown
+from .findings import MOST_CONFIDENCE, answer, unknown_property
 from .signal import ImuGrid
 
 G = STANDARD_GRAVITY
@@ -117,7 +117,10 @@ def _counted_force(
 
 def unknown_force(factor: float, why: str) -> ForceUnit:
     """Return the abstention, with the reason `why`."""
-    of_quantity, of_unit = unknown("quantity", why), unknown("accelerometer unit", why)
+    of_quantity, of_unit = (
+        unknown_property("quantity", why),
+        unknown_property("accelerometer unit", why),
+    )
     return ForceUnit(factor, "m/s^2", "mean_rate", of_quantity, of_unit)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, LEAP_NOW_S, WEEK_S, leap_seconds
 from ...records import Array, Finding
 from .axes import Direction, ForwardAxis, imu_word
-from .findings import MOST_CONFIDENCE, answer, unknown
+from .findings import MOST_CONFIDENCE, answer, unknown_property
 from .fit import CAUTION
 from .propulsion import Propulsion
 from .relation import RIVAL_MISFIT_RATIO, Relation
@@ -226,7 +226,13 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
             f"explained {_percent(scan.score[scan.best])} at {lag:+.2f} s,"
             f" {_percent(rival)} far from it"
         )
-        return Clock(0.0, np.inf, "same", unknown("time offset", why), unknown("time scale", why))
+        return Clock(
+            0.0,
+            np.inf,
+            "same",
+            unknown_property("time offset", why),
+            unknown_property("time scale", why),
+        )
     offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
     leap = LEAP_NOW_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
     offsets = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}

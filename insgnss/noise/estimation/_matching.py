@@ -67,7 +67,7 @@ class MatchingSolution:
     value: float
 
 
-def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[PooledCurves]:
+def pool_curves(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[PooledCurves]:
     """Curves of the same levels and rate as one, exactly (M.1). Raises UsageError for weights that
     are not positive definite.
     """

@@ -33,7 +33,7 @@ import numpy as np
 from ...navigation.noise_model.model import AxisNoise
 from ...records import Array
 from ..moments.theory import gauss_markov_haar, haar_variance
-from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, PooledCurves, pooled
+from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, PooledCurves, pool_curves
 from .gmwm import NoiseFit, objective
 
 RISE_95, RISE_99 = 3.841459, 6.634897  # 95 and 99 % of chi-square of one degree of freedom
@@ -68,7 +68,7 @@ class Local:
 
     def __init__(self, fitted: NoiseFit) -> None:
         self.sampling, self.composition = fitted.sampling, fitted.composition
-        self.groups = pooled(fitted.curves, fitted.weights)
+        self.groups = pool_curves(fitted.curves, fitted.weights)
         kinds = [(g.rate_hz, *g.level.tolist()) for g in self.groups]
         self.kind = [kinds.index((c.rate_hz, *c.level.tolist())) for c in fitted.curves]
         self.roots = [g.root for g in self.groups]
@@ -233,7 +233,7 @@ class Local:
         for _ in range(_LIMIT_STEPS):
             trial = best.copy()
             trial[i] = np.clip(
-                inside[0] + step if outside is None else _between(inside, outside, goal),
+                inside[0] + step if outside is None else _interpolate_rise(inside, outside, goal),
                 self.low[i],
                 self.high[i],
             )
@@ -283,7 +283,7 @@ class Local:
         return float(self.parameters(x)[i])
 
 
-def polished(fitted: NoiseFit, weights: Sequence[Array]) -> NoiseFit:
+def polish_fit(fitted: NoiseFit, weights: Sequence[Array]) -> NoiseFit:
     """Return the minimum with other weights in the basin of a fit."""
     local = Local(replace(fitted, weights=tuple(weights)))
     x, _ = local.minimise(local.coordinates(fitted.parameters), enough=_POLISHED)
@@ -301,7 +301,9 @@ def polished(fitted: NoiseFit, weights: Sequence[Array]) -> NoiseFit:
     )
 
 
-def _between(inside: tuple[float, float], outside: tuple[float, float], goal: float) -> float:
+def _interpolate_rise(
+    inside: tuple[float, float], outside: tuple[float, float], goal: float
+) -> float:
     """Interpolate the coordinate linearly to a square root of the rise, kept off the ends."""
     share = (goal - inside[1]) / (outside[1] - inside[1])
     return inside[0] + min(max(share, _OFF_ENDS), 1.0 - _OFF_ENDS) * (outside[0] - inside[0])

@@ -177,7 +177,7 @@ def robust_efficiency(curve: WaveletVariance) -> float:
     return float((plain_width / (curve.high[0] / curve.variance[0] - 1.0)) ** 2)
 
 
-def redrawn(
+def redraw_curves(
     fitted: NoiseFit, variances: tuple[Array, ...]
 ) -> Iterator[tuple[WaveletVariance, ...]]:
     """Yield the fit's curves with each row of `variances` in place of theirs, intervals in
@@ -218,7 +218,7 @@ def bootstrap(fitted: NoiseFit, draws: int = 100, *, seed: int = 0) -> Bootstrap
     seed : as in `draw_variances`, and the errors too.
     """
     variances = draw_variances(fitted, draws, seed=seed)
-    fits = [refit(fitted, curves) for curves in through(list(redrawn(fitted, variances)))]
+    fits = [refit(fitted, curves) for curves in through(list(redraw_curves(fitted, variances)))]
     return Bootstrap(
         fitted,
         np.array([f.parameters for f in fits]),

@@ -27,7 +27,7 @@ from ...navigation.noise_model.model import AxisNoise
 from ...records import Array, WaveletVariance
 from ..moments.theory import Sampling, haar_variance
 from ..processes.composition import CORRELATION_TIME, Composition
-from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, MatchingSolution, Moments, pooled
+from ._matching import LONGEST_LENGTHS, SHORTEST_SAMPLES, MatchingSolution, Moments, pool_curves
 from ._minimum import minimum
 
 
@@ -164,7 +164,9 @@ def fit(
         raise DataError(
             f"{len(different)} scales for {parameters}; name fewer processes or record longer"
         )
-    moments = Moments(pooled(chosen, omegas), composition, sampling, _time_bounds(times_s, chosen))
+    moments = Moments(
+        pool_curves(chosen, omegas), composition, sampling, _time_bounds(times_s, chosen)
+    )
     values = _parameters_of_solution(moments, composition, minimum(moments))
     values.flags.writeable = False
     axis = composition.axis(values)

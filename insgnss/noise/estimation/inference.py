@@ -26,7 +26,7 @@ import numpy as np
 from ...base.errors import DataError, UsageError
 from ...records import Array
 from ..moments.haar_covariance import haar_covariance
-from ._profile import polished
+from ._profile import polish_fit
 from .bootstrap import bootstrap, robust_efficiency
 from .estimates import Linearised, NoiseEstimate, estimates
 from .gmwm import NoiseFit, fit_alike
@@ -128,7 +128,7 @@ def second_step(first: NoiseFit, *, iterations: int = 6) -> tuple[NoiseFit, str,
         if step <= iterations:
             refitted = fit_alike(first, first.curves, weights)
         else:
-            refitted = polished(fitted, weights)
+            refitted = polish_fit(fitted, weights)
         moved = _distance(fitted, refitted)
         fitted = refitted
         if moved < _SETTLED:

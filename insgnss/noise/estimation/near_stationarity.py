@@ -18,7 +18,7 @@ import numpy as np
 
 from ...base.errors import UsageError
 from ...records import Array
-from .bootstrap import draw_variances, redrawn
+from .bootstrap import draw_variances, redraw_curves
 from .estimates import Linearised
 from .gmwm import NoiseFit, fit_alike, objective
 from .goodness import p_text
@@ -126,7 +126,7 @@ def near_stationarity(
     if draws:
         null = [
             _compare_with_single_fits(fit_alike(joint, curves, joint.weights), groups)[0]
-            for curves in redrawn(joint, draw_variances(joint, draws, seed=seed))
+            for curves in redraw_curves(joint, draw_variances(joint, draws, seed=seed))
         ]
         bootstrapped = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
         error = math.sqrt(bootstrapped * (1.0 - bootstrapped) / draws)

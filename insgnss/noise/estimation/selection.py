@@ -44,7 +44,7 @@ from ...base.errors import UsageError
 from ...records import Array, WaveletVariance
 from ..moments.theory import Sampling
 from ..processes.composition import Composition, families
-from .bootstrap import draw_variances, redrawn
+from .bootstrap import draw_variances, redraw_curves
 from .estimates import Linearised
 from .gmwm import NoiseFit, fit, fit_alike, interval_weights, objective
 from .goodness import goodness_of_fit
@@ -199,13 +199,17 @@ def rank(
         raise UsageError(
             "the covariance of the wavelet variances is singular; take weights='interval'"
         )
-    drawn = tuple(redrawn(reference, draw_variances(reference, draws, seed=seed))) if draws else ()
+    drawn = (
+        tuple(redraw_curves(reference, draw_variances(reference, draws, seed=seed)))
+        if draws
+        else ()
+    )
     candidates = [
         _evaluate_model(curves, c, Omega, V, groups, sampling, drawn) for c in through(compositions)
     ]
     if not below_a_sample:
         candidates = [c for c in candidates if not _has_process_below_sampling(c.fit)] or candidates
-    return _ranked(candidates, criterion)
+    return _rank_candidates(candidates, criterion)
 
 
 def _has_process_below_sampling(fitted: NoiseFit) -> bool:
@@ -327,7 +331,7 @@ def _held_out_objectives(fitted: NoiseFit, groups: np.ndarray) -> Array:
     return np.array(out)
 
 
-def _ranked(candidates: list[CandidateModel], criterion: str) -> Ranking:
+def _rank_candidates(candidates: list[CandidateModel], criterion: str) -> Ranking:
     """Order the candidates by the criterion, mark those equivalent to the best and choose one."""
 
     def key(c: CandidateModel) -> tuple[float, int]:

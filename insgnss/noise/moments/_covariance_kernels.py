@@ -155,7 +155,7 @@ def _panel(
 
 
 @njit(cache=True)
-def _between(
+def _sum_between_breaks(
     lo: float,
     hi: float,
     M: float,
@@ -201,7 +201,7 @@ def pair_covariance(
         if h == last or h > end:
             continue
         if last >= 0.0:
-            total += 2.0 * _between(last, h, M, m_j, m_k, a_1, a_3, gm, drift)
+            total += 2.0 * _sum_between_breaks(last, h, M, m_j, m_k, a_1, a_3, gm, drift)
         C, hits = lag_covariance(h, m_j, m_k, a_1, a_3, gm), 0.0
         for a in range(-1, 2):
             for b in range(-1, 2):

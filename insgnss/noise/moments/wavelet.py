@@ -58,7 +58,7 @@ from ._kernels import biweight_mean, copy_sum, cumulate, haar_squares, second_di
 
 __all__ = [
     "WaveletVariance",
-    "cumulated",
+    "cumulative_sum",
     "default_levels",
     "wavelet_variance",
     "wavelet_variances",
@@ -120,7 +120,7 @@ def wavelet_variance(
     """
     if decomposition not in ("modwt", "dwt"):
         raise UsageError(f"decomposition {decomposition!r} is neither 'modwt' nor 'dwt'")
-    s = cumulated(x, rate_hz)
+    s = cumulative_sum(x, rate_hz)
     n = s.size - 1
     most = n.bit_length() - 1
     if levels is not None and not 1 <= levels <= most:
@@ -203,7 +203,7 @@ _CONVERGED = 1e-12  # relative, of a solution k: rounding
 _TOP_TOLERANCE = 1e-6  # relative, of the k of a maximum: there the mean is flat
 
 
-def cumulated(x: ArrayLike, rate_hz: float) -> Array:
+def cumulative_sum(x: ArrayLike, rate_hz: float) -> Array:
     """Return the cumulated sum (n + 1,) of x (n,) less its mean, from 0.
 
     It refuses series of which no variance can be taken (see `wavelet_variance`).

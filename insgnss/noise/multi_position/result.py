@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...base.units import STANDARD_GRAVITY
 from ...navigation.prepare.calibration import ImuCalibration, TriadCalibration
 from ...navigation.prepare.stationarity import StationaryPeriods
@@ -206,7 +206,7 @@ class MultiPosition(Shown):
         """Return a JSON-able document: parameters in SI, covariances, residual statistics."""
         document: dict[str, Any] = {
             "stretches": len(self.stationary),
-            **picked(self, "source", "positions", "turns", "gravity", "gravity_sigma"),
+            **pick_attributes(self, "source", "positions", "turns", "gravity", "gravity_sigma"),
         }
         for estimate in (self.accel, self.gyro):
             document[estimate.sensor] = {

@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base.files import json_ready, picked
+from ...base.files import json_ready, pick_attributes
 from ...navigation.noise_model.model import NoiseModel
 from ...report.charts.chart import Chart
-from ...report.document import Document, Section, Table, checked
+from ...report.document import Document, Section, Table, checks_section
 from ...report.notebook import Documented
 from ...report.verdict import Verdict, worst_of
 from ..estimation.gmwm import NoiseFit
@@ -80,7 +80,7 @@ class TuneResult(Documented):
                     [*notes_on_checks, *remarks, *self.turn_on, *self.notes],
                 ),
                 Section("Recordings", lengths),
-                checked((check for r in recordings for check in r.checks), on="page"),
+                checks_section((check for r in recordings for check in r.checks), on="page"),
             ),
             hashes={r.source.file: r.source.sha256 for r in recordings},
             settings={k: value for k, value in asdict(self.options).items() if value != usual[k]},
@@ -148,7 +148,7 @@ def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
         "diagonal_weights": _objective(t.first),
         "kept_weights": _objective(t.kept),
         "estimates": [
-            picked(e, "name", "value", "standard_error", "low", "high", "at_bound")
+            pick_attributes(e, "name", "value", "standard_error", "low", "high", "at_bound")
             for e in t.inference.estimates
         ],
         "intervals": t.inference.intervals,
@@ -181,7 +181,9 @@ def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, A
             {
                 "recording": recordings[i % len(recordings)].name,
                 "axis": SENSOR_AXES[t.axes[i // len(recordings)]],
-                **picked(curve, "rate_hz", "samples", "robust", "level", "scale_s", "low", "high"),
+                **pick_attributes(
+                    curve, "rate_hz", "samples", "robust", "level", "scale_s", "low", "high"
+                ),
                 "wavelet_variance": curve.variance,
                 "modelled": modelled,
                 "parts": parts,
@@ -199,7 +201,7 @@ def _ranking(ranking: "Ranking") -> dict[str, Any]:
             "composition": str(c.composition),
             "parameters": c.composition.size,
             "objective": c.fit.objective,
-            **picked(c, *numbers),
+            **pick_attributes(c, *numbers),
         }
         for c in ranking.candidates
     ]
@@ -215,7 +217,7 @@ def _stationarity(
 ) -> dict[str, Any]:
     """Whether one parameter set serves all recordings."""
     numbers = ("statistic", "degrees", "p_value", "bootstrapped", "bootstrapped_error", "draws")
-    return picked(test, *numbers) | {
+    return pick_attributes(test, *numbers) | {
         "shares": {r.name: float(share) for r, share in zip(recordings, test.shares, strict=True)},
         "spread": [
             {"parameter": name, "found": scatter, "by_chance": chance}

@@ -16,7 +16,7 @@ from ...flight.config.flight_file import Flight
 from ...flight.processing.progress import Progress, quiet
 from ...report.notebook import Shown
 from .in_flight.estimation import FlightTuning, chosen_parameters, estimate, tune_flight
-from .in_flight.files import planned, write
+from .in_flight.files import plan_model_file, write
 
 TOGETHER = (
     "each IMU was tuned alone: noise that all IMUs have in common, such as vibration, does not"
@@ -59,10 +59,10 @@ def tune_each(
     """
     if not flight.imu.further:
         return tune_flight(flight, out, parameters, progress, force)
-    chosen, first = chosen_parameters(parameters), planned(flight, out, force)
+    chosen, first = chosen_parameters(parameters), plan_model_file(flight, out, force)
     flights = alone(flight)
     more = [first.with_name(f"{first.stem}_{k}.toml") for k in range(2, len(flights) + 1)]
-    targets = [first, *(planned(flight, target, force) for target in more)]
+    targets = [first, *(plan_model_file(flight, target, force) for target in more)]
     tuned = [_estimate(one, k, chosen, progress) for k, one in enumerate(flights, start=1)]
     return SeveralTuned(
         flight.name, tuple(write(*one) for one in zip(tuned, flights, targets, strict=True))

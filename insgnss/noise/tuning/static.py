@@ -150,7 +150,7 @@ def tune_static(
     recordings = tuple(read_static(path, options, progress) for path in paths)
     _same(recordings)
     _alike(recordings, options)
-    tuned = _tuned(recordings, family, options, progress)
+    tuned = _fit_all(recordings, family, options, progress)
     values, turn_on = turn_on_sigmas(recordings)
     model = noise_model(target.stem, recordings, tuned, values)
     result = TuneResult(recordings, tuned, model, turn_on, options)
@@ -210,7 +210,7 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
             )
 
 
-def _tuned(
+def _fit_all(
     recordings: tuple[StaticRecording, ...],
     family: Mapping[str, tuple[Composition, ...]],
     options: TuneOptions,

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.units import rounded
+from ...base.units import round_in_unit
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ..estimation.gmwm import NoiseFit
 from ..estimation.inference import Inference
@@ -109,7 +109,7 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
                 for e in (time, strength)
                 if _is_known(e.standard_error)
             }
-    remarks += _undetermined(inference)
+    remarks += _undetermined_sentences(inference)
     errors = {name: value for name, value in errors.items() if _is_known(value)}
     axis = replace(
         fit.axis,
@@ -197,7 +197,7 @@ def envelope(axis: AxisNoise, fit: NoiseFit) -> tuple[str, ...]:
     )
 
 
-def _undetermined(inference: Inference) -> list[str]:
+def _undetermined_sentences(inference: Inference) -> list[str]:
     """Return a sentence for each identifiable process of which a number is hardly known."""
     remarks = []
     for process, v in zip(inference.fit.composition.processes, inference.verdicts, strict=True):
@@ -231,7 +231,7 @@ def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
     """Round an axis to six digits, its standard errors to two, in the noise-model file's units."""
 
     def digits(value: float, kind: str, count: int) -> float:
-        return rounded(value, "s" if kind == CORRELATION_TIME else units[kind], count)
+        return round_in_unit(value, "s" if kind == CORRELATION_TIME else units[kind], count)
 
     processes = tuple(
         GaussMarkov(

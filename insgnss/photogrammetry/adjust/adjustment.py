@@ -5,11 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.advance import converged, share
+from ...base.advance import converged_share, share
 from ...base.errors import DataError
 from ...records.block import UNKNOWN_M, Array
-from .normals import Linearised, Problem, assembled, corrections, cost, factorised, linearised
-from .start import directions, intersected
+from .normals import (
+    Linearised,
+    Problem,
+    assemble_normals,
+    corrections,
+    cost,
+    factorise_normals,
+    linearise_groups,
+)
+from .start import directions, intersect_rays
 from .unknowns import Unknowns
 
 # damping of Levenberg and Marquardt (chosen): the first where a place on the way is singular; below
@@ -52,7 +60,7 @@ class Adjusted:
         return float(np.sqrt(self.cost / self.redundancy)) if self.redundancy > 0 else np.nan
 
 
-def adjusted(problem: Problem, values: Unknowns, enough: float = CONVERGED_STEP) -> Adjusted:
+def adjust_problem(problem: Problem, values: Unknowns, enough: float = CONVERGED_STEP) -> Adjusted:
     """Adjust a block.
 
     Image observations that cannot take part at the first values (of a point behind its camera,
@@ -79,7 +87,7 @@ def adjusted(problem: Problem, values: Unknowns, enough: float = CONVERGED_STEP)
         An image has no first values, the observations do not determine the unknowns, or the
         iteration does not converge.
     """
-    if not (finite := _oriented(values)).all():
+    if not (finite := _images_with_pose(values)).all():
         names = [problem.block.images[i] for i in np.flatnonzero(~finite)]
         raise DataError(
             f"image {names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}: initial"
@@ -89,7 +97,7 @@ def adjusted(problem: Problem, values: Unknowns, enough: float = CONVERGED_STEP)
     steps = 0
     for _ in range(MOST_VALIDITY_ROUNDS):
         active = valid(problem, values)
-        result = _iterated(problem.with_active(active), values, steps, enough)
+        result = _iterate(problem.with_active(active), values, steps, enough)
         steps, values = result.iterations, result.values
         again = intersected_again(problem, values)
         if (valid(problem, again) == active).all():
@@ -98,7 +106,7 @@ def adjusted(problem: Problem, values: Unknowns, enough: float = CONVERGED_STEP)
     return result
 
 
-def _oriented(values: Unknowns) -> NDArray[np.bool_]:
+def _images_with_pose(values: Unknowns) -> NDArray[np.bool_]:
     """Return which images have a pose (n,)."""
     finite = np.isfinite(values.position).all(axis=1)
     finite &= np.isfinite(values.C_mc).all(axis=(1, 2))
@@ -127,16 +135,16 @@ def intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
     rows = missing[obs.point]
     cameras = values.cameras(problem.block.cameras)
     xy = directions(problem.block, cameras, rows)
-    point = intersected(
+    point = intersect_rays(
         values.position, values.C_mc, xy, obs.image[rows], obs.point[rows], missing.size
     )
     return values.with_points(np.where(missing[:, None], point, values.point))
 
 
-def _iterated(problem: Problem, values: Unknowns, steps: int, enough: float) -> Adjusted:
+def _iterate(problem: Problem, values: Unknowns, steps: int, enough: float) -> Adjusted:
     """Iterate with the observations that are active, which are valid at the first values."""
     values = problem.filled(values)
-    groups = linearised(problem, values)
+    groups = linearise_groups(problem, values)
     now, _ = cost(problem, values, groups)
     first, freedom = now, max(redundancy_of(problem), 1)
     damping, raised, negligible, longest = 0.0, RAISED, False, 0.0
@@ -150,7 +158,7 @@ def _iterated(problem: Problem, values: Unknowns, steps: int, enough: float) -> 
             damping = FIRST_DAMPING
             dx, dp, predicted = _step(problem, values, damping, groups)
         trial = values.moved(problem.layout, dx, dp)
-        ahead = linearised(problem, trial)
+        ahead = linearise_groups(problem, trial)
         new, invalid = cost(problem, trial, ahead)
         accepted = invalid == 0 and new < now
         small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
@@ -158,7 +166,7 @@ def _iterated(problem: Problem, values: Unknowns, steps: int, enough: float) -> 
         negligible = predicted < ends
         gain = (now - new) / predicted if predicted > 0.0 else 0.0
         longest = max(longest, predicted)
-        share(converged(predicted, longest, ends))
+        share(converged_share(predicted, longest, ends))
         if accepted:
             values, now, groups = trial, new, ahead
         if (negligible and damping == 0.0) or (small and not accepted):
@@ -174,7 +182,7 @@ def _iterated(problem: Problem, values: Unknowns, steps: int, enough: float) -> 
     else:
         raise DataError(_not_converged(MOST_STEPS, first, now))
     if damping > 0.0:  # a damped step has a solution where the unknowns are not determined
-        factorised(problem, assembled(problem, values, groups=groups))
+        factorise_normals(problem, assemble_normals(problem, values, groups=groups))
     point = np.where(problem.determined[:, None], values.point, np.nan)
     return Adjusted(problem, values.with_points(point), now, step, redundancy_of(problem))
 
@@ -183,7 +191,7 @@ def _step(
     problem: Problem, values: Unknowns, damping: float, groups: Linearised
 ) -> tuple[Array, Array, float]:
     """Return corrections of columns and points, and dx^T N dx."""
-    normals = assembled(problem, values, damping, groups)
+    normals = assemble_normals(problem, values, damping, groups)
     dx, dp = corrections(problem, values, normals)
     eliminated = problem.layout.kept < 0
     return dx, dp, float(normals.g @ dx + (normals.gp * dp)[eliminated].sum())

@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records.block import Array, whitened
-from .adjustment import Adjusted, adjusted, residuals_px
+from .adjustment import Adjusted, adjust_problem, residuals_px
 from .kernels import points, posterior
-from .normals import Problem, assembled, factorised, problem_of
+from .normals import Problem, assemble_normals, factorise_normals, problem_of
 from .outliers import LIMIT_W, MEDIAN_SIZE, MOST_REJECTIONS, left_alone, worst_of_points
-from .precision import Precision, cofactors_from, tested
+from .precision import Precision, cofactors_from, test_statistics
 from .unknowns import Unknowns
 
 
@@ -74,7 +74,7 @@ def intersected_points(
     values = replace(values, blocks={})
     for k in range(MOST_REJECTIONS + 1):
         progress(f"intersecting, round {k + 1}: {int((~active).sum())} observations rejected")
-        intersected = adjusted(held.with_active(active), values)
+        intersected = adjust_problem(held.with_active(active), values)
         with_groups = replace(
             intersected,
             problem=problem.with_active_of(intersected.problem),
@@ -130,7 +130,7 @@ def direct_precision(result: Adjusted) -> Precision:
     problem, values = result.problem, result.values
     alone = without_rays(problem)
     shown = problem.filled(values)
-    Q = cofactors_from(alone, shown, factorised(alone, assembled(alone, shown)))
+    Q = cofactors_from(alone, shown, factorise_normals(alone, assemble_normals(alone, shown)))
     m = len(problem.block.points)
     point = np.full((m, 3, 3), np.nan)
     expected = np.full_like(problem.rays.uv, np.nan)
@@ -143,7 +143,7 @@ def direct_precision(result: Adjusted) -> Precision:
     square = np.empty_like(expected)
     square[problem.order] = expected
     e = whitened(problem.block.observations.whitening, residuals_px(result))
-    tests = tuple(tested(result, group, Q, point, 1.0) for group in problem.groups)
+    tests = tuple(test_statistics(result, group, Q, point, 1.0) for group in problem.groups)
     none = np.full_like(square, np.inf)
     return Precision(result, 1.0, Q, point, square, e / np.sqrt(square), none, tests)
 
@@ -182,5 +182,5 @@ def joint_covariance(problem: Problem, values: Unknowns, chosen: Sequence[int]) 
         inverse, columns = np.linalg.inv(scratch.V), slice(3 * k, 3 * k + 3)
         out[columns, columns] = inverse
         np.add.at(T[:, columns], scratch.row[:n], scratch.W[:n] @ inverse)
-    factor = factorised(alone, assembled(alone, shown))
+    factor = factorise_normals(alone, assemble_normals(alone, shown))
     return np.asarray(out + T.T @ factor.solved(T))

@@ -347,7 +347,7 @@ class Factor:
         return stored
 
 
-def factorised(
+def factorise_envelope(
     envelope: Envelope, stored: Array, scale: Array, damping: float
 ) -> tuple[Factor, int]:
     """Factorise a symmetric matrix, in its place.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...base.errors import DataError
 from ...records.block import INTERIOR, RADIAL_MODELS, Array, ImageBlock
 from .envelope import Factor
-from .envelope import factorised as envelope_factorised
+from .envelope import factorise_envelope as envelope_factorised
 from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity, elimination, points
 from .unknowns import CAMERA, POINT, POSE, Key, UnknownLayout, Unknowns, columns_of, layout_of
@@ -198,7 +198,7 @@ Linearised = list[tuple[Array, Array]]
 """Residual and Jacobian of each group."""
 
 
-def linearised(problem: Problem, values: Unknowns) -> Linearised:
+def linearise_groups(problem: Problem, values: Unknowns) -> Linearised:
     """Linearise all groups.
 
     Parameters
@@ -216,7 +216,7 @@ def linearised(problem: Problem, values: Unknowns) -> Linearised:
     return [group.linearised(values) for group in problem.groups]
 
 
-def assembled(
+def assemble_normals(
     problem: Problem,
     values: Unknowns,
     damping: float = 0.0,
@@ -233,7 +233,7 @@ def assembled(
     damping : float
         lambda; the diagonals of the points are enlarged by it before they are eliminated.
     groups : list of tuple, optional
-        What `linearised` gives there.
+        What `linearise_groups` gives there.
 
     Returns
     -------
@@ -248,7 +248,7 @@ def assembled(
     u, m, envelope = problem.layout.size, len(problem.block.points), problem.layout.envelope
     S, g, reduced, diagonal = np.zeros(envelope.starts[-1]), np.zeros(u), np.zeros(u), np.zeros(u)
     V_own, g_own = np.zeros((m, 3, 3)), np.zeros((m, 3))
-    groups = linearised(problem, values) if groups is None else groups
+    groups = linearise_groups(problem, values) if groups is None else groups
     for group, (e, J) in zip(problem.groups, groups, strict=True):
         N, right = _normal(group.weight, J, e)
         (name, row), *further = group.keys
@@ -284,10 +284,10 @@ def assembled(
 
 def _normal(P: Array, J: Array, e: Array) -> tuple[Array, Array]:
     """Return J^T P J and J^T P e of a group."""
-    return between(J, P), J.T @ (P @ e)
+    return weighted_product(J, P), J.T @ (P @ e)
 
 
-def between(J: Array, P: Array) -> Array:
+def weighted_product(J: Array, P: Array) -> Array:
     """Compute J^T P J, of many unknowns by what is not zero in J.
 
     Of whole strips an observed pose depends on its own image, and on few other unknowns.
@@ -313,7 +313,7 @@ def between(J: Array, P: Array) -> Array:
     return out
 
 
-def factorised(problem: Problem, normals: Normals) -> Factor:
+def factorise_normals(problem: Problem, normals: Normals) -> Factor:
     """Factorise the damped normal matrix of what is free, in the place of S.
 
     Parameters
@@ -336,16 +336,16 @@ def factorised(problem: Problem, normals: Normals) -> Factor:
     free = ~problem.layout.held
     if not (normals.diagonal[free] > 0.0).all():
         worst = np.flatnonzero(free)[np.argmin(normals.diagonal[free])]
-        raise DataError(_undetermined(problem, int(worst)))
+        raise DataError(_undetermined_sentence(problem, int(worst)))
     scale = np.zeros(free.size)
     scale[free] = 1.0 / np.sqrt(normals.diagonal[free])
     factor, column = envelope_factorised(problem.layout.envelope, normals.S, scale, normals.damping)
     if column >= 0:
-        raise DataError(_undetermined(problem, column))
+        raise DataError(_undetermined_sentence(problem, column))
     if free.any() and normals.damping == 0.0:
         eigenvalue, vector = _smallest(factor)
         if eigenvalue < SMALLEST_EIGENVALUE:
-            raise DataError(_undetermined(problem, int(np.argmax(np.abs(vector)))))
+            raise DataError(_undetermined_sentence(problem, int(np.argmax(np.abs(vector)))))
     return factor
 
 
@@ -393,7 +393,7 @@ def unknown_name(problem: Problem, column: int) -> str:
     return f"{name}{axis}{f' {row}' if several else ''}"
 
 
-def _undetermined(problem: Problem, column: int) -> str:
+def _undetermined_sentence(problem: Problem, column: int) -> str:
     """Say which unknown the observations do not determine."""
     return (
         f"{unknown_name(problem, column)} is not determined by the observations: the block"
@@ -419,7 +419,7 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
     dp : ndarray, (m, 3)
         Corrections of all points, m.
     """
-    dx = factorised(problem, normals).solved(normals.g_reduced)
+    dx = factorise_normals(problem, normals).solved(normals.g_reduced)
     dp = np.zeros((len(problem.block.points), 3))
     elimination.back_substitute(
         problem.rays,
@@ -444,7 +444,7 @@ def cost(problem: Problem, values: Unknowns, groups: Linearised | None = None) -
     values : Unknowns
         The values of the unknowns.
     groups : list of tuple, optional
-        What `linearised` gives there.
+        What `linearise_groups` gives there.
 
     Returns
     -------
@@ -455,7 +455,7 @@ def cost(problem: Problem, values: Unknowns, groups: Linearised | None = None) -
     """
     e = np.empty_like(problem.rays.uv)
     total, invalid = collinearity.residuals(problem.rays, values.kernel_values(), e)
-    groups = linearised(problem, values) if groups is None else groups
+    groups = linearise_groups(problem, values) if groups is None else groups
     for group, (r, _) in zip(problem.groups, groups, strict=True):
         total += float(r @ group.weight @ r)
     return float(total), int(invalid)
@@ -484,7 +484,10 @@ def cofactors_of(problem: Problem, values: Unknowns, columns: NDArray[np.int64])
         The observations do not determine an unknown.
     """
     values = problem.filled(values)
-    factor, envelope = factorised(problem, assembled(problem, values)), problem.layout.envelope
+    factor, envelope = (
+        factorise_normals(problem, assemble_normals(problem, values)),
+        problem.layout.envelope,
+    )
     if 3 * columns.size > envelope.size and envelope.holds(columns):  # the inverse costs less
         return envelope.entries(factor.inverted(), columns)
     unit = np.zeros((envelope.size, columns.size))

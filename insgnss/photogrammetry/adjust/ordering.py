@@ -21,7 +21,7 @@ DENSE_IMAGES = 100
 """Images up to which a matrix is dense: nothing is gained."""
 
 
-def arranged(
+def arrange_poses(
     block: ImageBlock, together: Sequence[Sequence[int]], size: int
 ) -> tuple[Rows, Envelope]:
     """Decide where poses stand, and what of the normal matrix is stored.

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records.block import Array, whitened
-from .adjustment import Adjusted, adjusted
+from .adjustment import Adjusted, adjust_problem
 from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity
 from .normals import Problem
@@ -123,14 +123,14 @@ def without_outliers(
     Raises
     ------
     DataError
-        As `adjusted`.
+        As `adjust_problem`.
     """
     problem, values, active = _robust(problem, values, progress)
     whole, left_out = problem, list[tuple[int, float]]()
     for k in range(MOST_REJECTIONS + 1):
         gone = int(problem.rays.active.sum() - active.sum())
         progress(f"tests, round {k + 1}: {gone} image observations rejected")
-        result = adjusted(problem.with_active(active), values)
+        result = adjust_problem(problem.with_active(active), values)
         values = result.values.completed(values)
         precision = precision_of(result)
         if k == MOST_REJECTIONS:
@@ -162,7 +162,7 @@ def _robust(
     active, off_groups = stated_rays.active.copy(), np.ones(len(groups))
     for k in range(ROBUST_ROUNDS):
         progress(f"robust adjustment, round {k + 1}")
-        result = adjusted(problem.with_active(active), values)
+        result = adjust_problem(problem.with_active(active), values)
         length, unit = _lengths(result, stated_rays)
         values = result.values.completed(values)
         # Huber's weight; of what cannot be seen now, and perhaps later, the given one

@@ -11,7 +11,7 @@ from .adjustment import Adjusted, residuals_px
 from .envelope import Factor
 from .groups import ObservationGroup
 from .kernels import points, posterior
-from .normals import Problem, assembled, between, factorised
+from .normals import Problem, assemble_normals, factorise_normals, weighted_product
 from .unknowns import CAMERA, POINT, POSE, Key, Unknowns, columns_of
 
 NONCENTRALITY = 4.13
@@ -116,7 +116,7 @@ class Cofactors:
             return envelope.entries(self.stored, columns)
         unit = np.zeros((envelope.size, len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
-        factor = factorised(self.problem, assembled(self.problem, self.values))
+        factor = factorise_normals(self.problem, assemble_normals(self.problem, self.values))
         return np.asarray(factor.solved(unit)[columns])
 
 
@@ -271,8 +271,8 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
     problem = result.problem
     if scale is None:
         scale = result.sigma0**2 if result.redundancy > 0 else 1.0
-    normals = assembled(problem, result.values)
-    Q = cofactors_from(problem, result.values, factorised(problem, normals))
+    normals = assemble_normals(problem, result.values)
+    Q = cofactors_from(problem, result.values, factorise_normals(problem, normals))
     point = np.full((len(problem.block.points), 3, 3), np.nan)
     r = np.full_like(problem.rays.weight, np.nan)
     posterior.posterior(
@@ -287,7 +287,7 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
         r,
     )
     redundancy, w, detectable = _tested_rays(result, r, scale)
-    tests = tuple(tested(result, group, Q, point, scale) for group in problem.groups)
+    tests = tuple(test_statistics(result, group, Q, point, scale) for group in problem.groups)
     return Precision(result, scale, Q, scale * point, redundancy, w, detectable, tests)
 
 
@@ -295,7 +295,7 @@ def _tested_rays(result: Adjusted, r: Array, scale: float) -> tuple[Array, Array
     """Return redundancy numbers, w and detectable biases of the image observations, (n, 2) each.
 
     With the cofactors R of whitened residuals W e, rows `r` in the order of rays, these are those
-    of `tested`: P e = W^T W e, P Q_vv P = W^T R W, Q_vv P = W^-1 R W.
+    of `test_statistics`: P e = W^T W e, P Q_vv P = W^T R W, Q_vv P = W^-1 R W.
     """
     problem = result.problem
     R, W = np.empty_like(r), problem.block.observations.whitening
@@ -309,10 +309,10 @@ def _tested_rays(result: Adjusted, r: Array, scale: float) -> tuple[Array, Array
     against = a**2 * R[:, 0] + 2.0 * a * b * R[:, 1] + b**2 * R[:, 2], c**2 * R[:, 2]
     weighted = np.column_stack([a * e[:, 0] + b * e[:, 1], c * e[:, 1]])
     diagonal = np.column_stack([a**2 + b**2, c**2])
-    return redundancy, *_standardised(weighted, np.column_stack(against), diagonal, scale)
+    return redundancy, *_standardise(weighted, np.column_stack(against), diagonal, scale)
 
 
-def _standardised(
+def _standardise(
     weighted: Array, against: Array, diagonal: Array, scale: float
 ) -> tuple[Array, Array]:
     """Return w and detectable biases by P e and the diagonals of P Q_vv P and of P."""
@@ -350,7 +350,7 @@ def cofactors_from(problem: Problem, values: Unknowns, factor: Factor) -> Cofact
     return Cofactors(problem, values, factor.inverted(), common, motions.T @ common)
 
 
-def tested(
+def test_statistics(
     result: Adjusted, group: ObservationGroup, Q: Cofactors, point: Array, scale: float
 ) -> GroupTest:
     """Test a group: w = (P e)_i / sqrt((P Q_vv P)_ii), for correlated observations too.
@@ -382,14 +382,14 @@ def tested(
         columns, taken = columns_of(layout, group.keys)
         J, mine = J[:, taken], Q.of(columns)
     P = group.weight
-    A = explained(J, mine)
+    A = explained_cofactors(J, mine)
     redundancy = 1.0 - (A * P).sum(axis=1)  # diagonal of Q_vv P = 1 - A P
     against = np.diagonal(P) - ((P @ A) * P).sum(axis=1)
-    w, detectable = _standardised(P @ e, against, np.diagonal(P), scale)
+    w, detectable = _standardise(P @ e, against, np.diagonal(P), scale)
     return GroupTest(group.name, group.keys, e, redundancy, w, detectable)
 
 
-def explained(J: Array, Q: Array) -> Array:
+def explained_cofactors(J: Array, Q: Array) -> Array:
     """Return the cofactors of adjusted observations.
 
     Parameters
@@ -404,7 +404,7 @@ def explained(J: Array, Q: Array) -> Array:
     ndarray, (m, m)
         J Q J^T.
     """
-    return between(J.T, Q)
+    return weighted_product(J.T, Q)
 
 
 def strongest(precision: Precision, count: int = 10) -> Sequence[tuple[str, str, float]]:

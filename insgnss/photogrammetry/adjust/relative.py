@@ -220,7 +220,7 @@ def operator(C_mc: Array, observed: ObservedStrip) -> "csr_array":
     return csr_array(L.reshape(-1, 6 * n))
 
 
-def smoothed(L: "csr_array", P: Array) -> Array:
+def relative_covariance(L: "csr_array", P: Array) -> Array:
     """Return the covariance of what is observed (J.16).
 
     Parameters
@@ -268,7 +268,7 @@ def as_printed(
     m, _ = observed.sizes(n)
     diag = block_diag(*P.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)])
     L = operator(C_mc, observed)
-    out, alone = smoothed(L, P), smoothed(L, diag)
+    out, alone = relative_covariance(L, P), relative_covariance(L, diag)
     out[:m, m:] = out[m:, :m] = 0.0
     relative = [slice(m, None)] + [slice(0, m)] * (observed.positions == "relative")
     for rows in relative:

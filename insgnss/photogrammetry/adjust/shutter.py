@@ -33,7 +33,7 @@ import numpy as np
 from ...records.block import Array, ImageBlock, whitened
 from ...records.cameras.camera import pixels_of
 from .adjustment import Adjusted
-from .normals import Normals, Problem, assembled, corrections
+from .normals import Normals, Problem, assemble_normals, corrections
 from .unknowns import Unknowns
 
 STEP_S = 1e-4  # of numerical derivatives: a camera moves by millimetres in it
@@ -136,7 +136,7 @@ def readout_gain(
     if (motion[0] != 0.0).any(axis=1).sum() < FEWEST_VELOCITIES:
         return None
     problem, values = result.problem, result.problem.filled(result.values)
-    if (first := _estimated(problem, problem, values, motion)) is None:
+    if (first := _estimate_readout(problem, problem, values, motion)) is None:
         return None
     readout, sigma, N, moved = change, *_ = first
     every = problem.with_active(np.ones_like(problem.rays.active))
@@ -147,14 +147,14 @@ def readout_gain(
         uv = every.rays.uv - readout * pixels_by_readout(every, values, motion)
         again = cleaned(replace(every, rays=every.rays._replace(uv=uv)), values)
         values = every.filled(again.values.completed(values))
-        if (further := _estimated(every, again.problem, values, motion)) is None:
+        if (further := _estimate_readout(every, again.problem, values, motion)) is None:
             break
         change, sigma, N, _ = further
         readout += change
     return readout, sigma, readout**2 * N, readout / first[0] * moved
 
 
-def _estimated(
+def _estimate_readout(
     measured: Problem, problem: Problem, values: Unknowns, motion: tuple[Array, Array]
 ) -> tuple[float, float, float, Array] | None:
     """Return r, its sigma, N and dr of the centres (R.3, R.4); None where r is not determined.
@@ -188,5 +188,5 @@ def _estimated(
 
 
 def _step(problem: Problem, values: Unknowns) -> tuple[Normals, Array, Array]:
-    normals = assembled(problem, values)
+    normals = assemble_normals(problem, values)
     return normals, *corrections(problem, values, normals)

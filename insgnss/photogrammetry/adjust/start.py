@@ -45,7 +45,7 @@ def directions(
     return xy
 
 
-def intersected(
+def intersect_rays(
     position: Array,
     C_mc: Array,
     xy: Array,
@@ -146,7 +146,7 @@ def _absolute(q: Array, X: Array) -> tuple[Array, Array]:
     return X0 - C @ q0, C
 
 
-def resected(xy: Array, X: Array) -> tuple[Array, Array, float] | None:
+def resect_image(xy: Array, X: Array) -> tuple[Array, Array, float] | None:
     """Return the pose of an image from points that it sees.
 
     All choices of three among eight well-spread points give poses; the one with the smallest
@@ -179,7 +179,7 @@ def resected(xy: Array, X: Array) -> tuple[Array, Array, float] | None:
                 best = X0, C, misfit
     if best is None or not np.isfinite(best[2]):
         return None
-    return _improved(*best, xy, X)
+    return _improve_pose(*best, xy, X)
 
 
 def _misfit(X0: Array, C: Array, xy: Array, X: Array) -> float:
@@ -191,7 +191,9 @@ def _misfit(X0: Array, C: Array, xy: Array, X: Array) -> float:
     return float(residual[max(3, len(residual) // 2)])  # three points fit any pose that they gave
 
 
-def _improved(X0: Array, C: Array, miss: float, xy: Array, X: Array) -> tuple[Array, Array, float]:
+def _improve_pose(
+    X0: Array, C: Array, miss: float, xy: Array, X: Array
+) -> tuple[Array, Array, float]:
     """Improve a pose by least squares over the points that lie near their rays."""
     for _ in range(5):
         q = (X - X0) @ C
@@ -237,7 +239,7 @@ def first_values(block: ImageBlock) -> Unknowns:
     surveyed[block.control.complete.point] = block.control.complete.position_m
     failed: set[int] = set()
     while True:
-        point = intersected(position, C_mc, xy, obs.image, obs.point, len(block.points))
+        point = intersect_rays(position, C_mc, xy, obs.image, obs.point, len(block.points))
         control = np.isfinite(surveyed[:, 0])
         point[control] = surveyed[control]
         waiting = np.asarray(~np.isfinite(position).all(axis=1))
@@ -249,7 +251,7 @@ def first_values(block: ImageBlock) -> Unknowns:
             break
         i = int(np.argmax(count))
         rows = usable & (obs.image == i)
-        pose = resected(xy[rows], point[obs.point[rows]])
+        pose = resect_image(xy[rows], point[obs.point[rows]])
         if pose is None:
             failed.add(i)
             continue

@@ -23,7 +23,7 @@ from ...records.block import INTERIOR, Array, BrownCamera, ImageBlock
 from ...records.cameras.camera import fold_radius
 from .envelope import Envelope
 from .kernels import collinearity
-from .ordering import arranged
+from .ordering import arrange_poses
 
 Key = tuple[str, int]
 POSE, CAMERA, POINT = "pose", "camera", "point"
@@ -287,7 +287,7 @@ def layout_of(
                 position += 3
                 held.append(np.zeros(3, dtype=bool))
     together = [[row for name, row in tied if name == POSE] for tied in keys]
-    pose_order, envelope = arranged(block, together, position)
+    pose_order, envelope = arrange_poses(block, together, position)
     held = [np.asarray(block.held)[np.argsort(pose_order)].ravel(), *held]
     return UnknownLayout(n, c, columns, first, kept, np.concatenate(held), pose_order, envelope)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .adjustment import adjusted
+from .adjustment import adjust_problem
 from .groups import Rescaled
 from .normals import Problem
 from .precision import IMAGE, Precision, VarianceComponent, image_components, precision_of
@@ -50,7 +50,7 @@ class Reweighted:
     converged: bool
 
 
-def reweighted(
+def reweight_block(
     problem: Problem, values: Unknowns, kinds: Collection[str] | None = None
 ) -> Reweighted:
     """Adjust a block with weights that agree with the residuals.
@@ -73,14 +73,14 @@ def reweighted(
     Raises
     ------
     DataError
-        As `adjusted`.
+        As `adjust_problem`.
     """
     product: dict[str, float] = {}
     trusted: set[str] | None = None
     of_images = image_components(problem.block)
     for _ in range(MOST_REWEIGHTINGS):
         current = with_factors(problem, product)
-        result = adjusted(current, values)
+        result = adjust_problem(current, values)
         values = result.values.completed(values)
         precision = precision_of(result, 1.0)
         components = precision.components()

@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from ...base import __version__
-from ...base.files import json_ready, picked
+from ...base.files import json_ready, pick_attributes
 from ...geodesy.rotation import vector_from_rotation
 from ...records.block import INTERIOR, Array, ImageBlock
 from ...records.relative import GAP_S
@@ -78,22 +78,22 @@ def figures_of(solved: AdjustedBlock) -> dict[str, Any]:
         | _statistics(checks),
         "images": _images(solved),
         "correlations": [
-            picked(c, "first", "second", "remedy") | {"correlation": c.value}
+            pick_attributes(c, "first", "second", "remedy") | {"correlation": c.value}
             for c in inseparable(solved.precision)
         ],
-        "rejected": _rejected(solved),
+        "rejected": _rejected_figures(solved),
         "strongest": [
             {"image": image, "point": point, "w": w}
             for image, point, w in strongest(solved.precision)
         ],
-        "notes": [*solved.inputs.notes, *_weighed(solved), *_paired(solved)],
+        "notes": [*solved.inputs.notes, *_weights_sentence(solved), *_pairs_sentence(solved)],
         "block_file": solved.inputs.file.resolved(),
         "points": _points(solved, block),
     }
     return cast(dict[str, Any], json_ready(figures))
 
 
-def _weighed(solved: AdjustedBlock) -> list[str]:
+def _weights_sentence(solved: AdjustedBlock) -> list[str]:
     """Say that standard deviations are too small where flight lines weigh without their own."""
     if solved.control.covariance not in ("chain", "image"):
         return []
@@ -114,7 +114,7 @@ def _weighed(solved: AdjustedBlock) -> list[str]:
     ]
 
 
-def _paired(solved: AdjustedBlock) -> list[str]:
+def _pairs_sentence(solved: AdjustedBlock) -> list[str]:
     """Say how many neighbours are observed relative to each other, and how far apart."""
     eo, options = solved.inputs.eo, solved.inputs.file.aerial_control
     groups = [g for g in solved.result.problem.groups if isinstance(g, RelativeAerialControl)]
@@ -165,7 +165,7 @@ def _rows(columns: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
 
 def _components(solved: AdjustedBlock) -> list[dict[str, Any]]:
     return [
-        picked(c, "name", "observations", "redundancy", "variance")
+        pick_attributes(c, "name", "observations", "redundancy", "variance")
         | {"factor": solved.factors.get(c.name, 1.0)}
         for c in solved.components
     ]
@@ -189,7 +189,7 @@ def _cameras(solved: AdjustedBlock) -> list[dict[str, Any]]:
         root = np.sqrt(np.maximum(np.diagonal(cov), 1e-300))
         out.append(
             {
-                **picked(camera, "name", "width", "height", "unit_px", "model"),
+                **pick_attributes(camera, "name", "width", "height", "unit_px", "model"),
                 "images": int((block.camera == c).sum()),
                 "parameters": dict(zip(INTERIOR, _rows(of_parameters), strict=True)),
                 "correlated": [INTERIOR[k] for k in columns],
@@ -350,7 +350,7 @@ def _images(solved: AdjustedBlock) -> list[dict[str, Any]]:
     return out
 
 
-def _rejected(solved: AdjustedBlock) -> list[dict[str, Any]]:
+def _rejected_figures(solved: AdjustedBlock) -> list[dict[str, Any]]:
     block, rows = solved.result.problem.block, solved.rejected
     return _rows(
         {

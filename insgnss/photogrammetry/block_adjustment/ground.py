@@ -13,7 +13,7 @@ from ...geodesy.datums import fitting_crs
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
 from ...io.formats.blocks.measured_block import MeasuredBlock
-from ...io.formats.blocks.reading import read_measured_block, recognised
+from ...io.formats.blocks.reading import read_measured_block, recognise_format
 from ...io.formats.returned.crs import stated_crs
 from ...records import Array, ExteriorOrientation
 from ..comparison.poses import PLANE_M, degrees_for_metres, refuse_heights
@@ -148,7 +148,11 @@ def _otherwise_near(
         if (np.linalg.norm(away, axis=1) < FAR_GROUND_M).all():
             return f"they lie there {advice}"
     fits = _fitting(ground, plane, eo)
-    return f"{axes.crs} is not their CRS; {fits}" if fits else _subtracted(ground, axes, plane, eo)
+    return (
+        f"{axes.crs} is not their CRS; {fits}"
+        if fits
+        else _subtraction_sentence(ground, axes, plane, eo)
+    )
 
 
 def _readings(axes: GroundAxes) -> tuple[tuple[Array, str], ...]:
@@ -184,7 +188,7 @@ def _readings(axes: GroundAxes) -> tuple[tuple[Array, str], ...]:
     )
 
 
-def _subtracted(
+def _subtraction_sentence(
     ground: GroundTable, axes: GroundAxes, plane: TangentPlane, eo: ExteriorOrientation
 ) -> str:
     """Say what was subtracted from points that lack a shift, or a false easting; else empty."""
@@ -233,7 +237,7 @@ def ground_of(path: Path, columns: Columns) -> tuple[GroundTable | None, str | N
     InputError
         The file cannot be read.
     """
-    if path.is_dir() or recognised(path) not in ("image_points", "bingo"):
+    if path.is_dir() or recognise_format(path) not in ("image_points", "bingo"):
         source = read_measured_block(path)
         return source.ground, source.crs
     return read_ground_points(path, columns), stated_crs(path)

@@ -12,7 +12,7 @@ from ...base.wording import some
 from ...flight.config.block_file import BlockFile
 from ...io.formats.blocks.camera_toml import read_camera_covariance
 from ...io.formats.blocks.ground_points import GroundTable
-from ...io.formats.blocks.joined import joined, matched
+from ...io.formats.blocks.joined import join_block, match_names
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.reading import read_measured_block
 from ...io.formats.orientation.eo_json import read_one_camera
@@ -24,7 +24,7 @@ from .aerial.positions import orientation_of
 from .ground import ground_in_plane
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .parameters import UNSTATED_ARM_M
-from .placing import in_own_datum, in_tangent_plane, placed, read_distances
+from .placing import in_own_datum, in_tangent_plane, place_images, read_distances
 from .vehicle.places import Vehicle, vehicle_of
 
 USUAL_FREE = ("f", "cx", "cy")
@@ -159,7 +159,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
     source = _oriented_only(source_in_mode(mode, source, ground, notes, moving), eo, notes)
     if vehicle is not None:
         vehicle = vehicle.seen_in(source.measured)
-    union = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    union = join_block(source, ground, eo, all_oriented=mode == "fast_at")
     for camera in union.block.cameras:
         refuse_field_of_view(camera)
     block, rows = union.block, union.eo_row
@@ -172,7 +172,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
             union = in_tangent_plane(union, notes)
         block, constraints = in_own_datum(block, union, datum, distances)
     else:
-        block = placed(block, union.position_m, union.C_mc)
+        block = place_images(block, union.position_m, union.C_mc)
     if eo is not None and (without := int((rows < 0).sum())):
         notes.append(
             f"{without} of {len(rows)} images have no aerial control,"
@@ -186,7 +186,11 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
         notes.append(f"{unseen} images of the aerial control have no image observations: {named}")
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
-    further: tuple[ObservationGroup, ...] = (*calibrated(file, block), *distances, *constraints)
+    further: tuple[ObservationGroup, ...] = (
+        *observed_camera(file, block),
+        *distances,
+        *constraints,
+    )
     return BlockInputs(file, block, eo, rows, tuple(notes), further, vehicle, unchecked)
 
 
@@ -223,7 +227,7 @@ def _with_vehicle(
     return replace(source, measured=measured), vehicle
 
 
-def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation, ...]:
+def observed_camera(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation, ...]:
     """Return the calibration of the camera's file as an observation of what is estimated of it.
 
     Parameters
@@ -323,7 +327,7 @@ def _oriented_only(
     count = np.bincount(observations.image, minlength=len(images))
     few = (count > 0) & (count < FEWEST_POINTS)
     if eo is not None:
-        few &= matched(images, eo.images) < 0
+        few &= match_names(images, eo.images) < 0
     if not few.any():
         return source
     names = [images[k] for k in np.flatnonzero(few)]
@@ -359,13 +363,13 @@ def _by_part(source: MeasuredBlock, names: Sequence[str], order: Sequence[str]) 
 
     An image that the order lacks belongs to the part of the image before it in the block.
     """
-    begins = matched(tuple(names), tuple(order))
+    begins = match_names(tuple(names), tuple(order))
     if (begins < 0).any():
         name = names[int(np.argmin(begins))]
         raise InputError(
             f"camera.new_from: {name!r} is no image of the block; {near(name, order[:200])}"
         )
-    row = matched(source.measured.images, tuple(order))
+    row = match_names(source.measured.images, tuple(order))
     latest = np.maximum.accumulate(np.where(row >= 0, np.arange(row.size), 0))
     interval = np.searchsorted(np.sort(begins), row[latest], side="right")
     pairs, camera = np.unique(

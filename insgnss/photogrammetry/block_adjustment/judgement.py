@@ -23,7 +23,7 @@ from ..adjust.separation import NORMAL
 from .aerial.control import processed_with
 from .aerial.relative import WEAK_DATUM
 from .aerial.unstated_arm import alike, long_lever_arm, unnoticed
-from .parameters import SIGNIFICANT_SIGMAS, determined
+from .parameters import SIGNIFICANT_SIGMAS, determined_unknowns
 from .residuals.pattern import Pattern, patterns, repeating
 from .residuals.surveys import shift_of_check_points, two_surveys
 from .solve import GROUND_CONTROL, AdjustedBlock
@@ -82,7 +82,7 @@ class Judgement:
         return any(finding.rank >= 1.0 for finding in self.findings)
 
 
-def judged(
+def judge_block(
     solved: AdjustedBlock, figures: Mapping[str, Any], progress: Callable[[str], None]
 ) -> Judgement:
     """Judge an adjusted block.
@@ -103,7 +103,7 @@ def judged(
     """
     file, drawn = solved.inputs.file, patterns(solved)
     beyond = [*_components(figures), *_checks(figures)]
-    beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
+    beyond += [*_judge_disconnected(figures), *left_out(figures), *few_sizes(figures)]
     if not solved.direct:  # errors of the poses repeat from image to image
         beyond += repeating(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
@@ -116,15 +116,15 @@ def judged(
         smoothed = file.aerial_control.relative_weights == "smoothed"
         done = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
-            _explained(
+            _explain_contradiction(
                 one, done if one.name == CHECK_POINTS else trials_made, solved.direct, smoothed
             )
             for one in beyond
         ]
     else:
-        beyond += [*_hidden(trials_made), *unnoticed(solved, trials_made, HIDDEN)]
+        beyond += [*_judge_hidden(trials_made), *unnoticed(solved, trials_made, HIDDEN)]
         beyond += long_lever_arm(solved, figures, trials_made)
-    findings = [*beyond, *_control(figures), *_rejected(figures), *_images(solved)]
+    findings = [*beyond, *_control(figures), *_judge_rejected(figures), *_images(solved)]
     findings += [*_mounting(figures, alike(solved, trials_made)), *_weakly_held(figures)]
     findings += [*_lever_arm(solved), *_correlations(figures)]
     findings += [] if solved.inputs.unchecked is None else [solved.inputs.unchecked]
@@ -139,7 +139,7 @@ def judged(
     return Judgement(
         _headline(figures, ordered),
         ordered,
-        tuple(determined(figures)),
+        tuple(determined_unknowns(figures)),
         drawn,
         trials_made,
         tuple(finding for finding in ordered if finding.name in too_large and finding.rank >= 1.0),
@@ -281,7 +281,7 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Finding]:
         yield ranked(CHECK_POINTS, times, f"{sentence}, {worst['point']} by {difference}")
 
 
-def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
+def _judge_disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Ground control that contradicts the rest so much that it has no image observation left."""
     control = figures["ground_control"]
     alone = [point["point"] for point in control if point["images"] == 0]
@@ -358,7 +358,7 @@ def _limit(trial: Trial) -> float:
     return chi_square_quantile(trial.unknowns, HIDDEN)
 
 
-def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
+def _judge_hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
     """What the block file leaves out, and the observations show without a contradiction."""
     for trial in trials_made[:1]:
         limit = _limit(trial)
@@ -381,7 +381,7 @@ def _rivals(best: Trial, good: Sequence[Trial]) -> str:
     )
 
 
-def _explained(
+def _explain_contradiction(
     finding: Finding, trials_made: tuple[Trial, ...], direct: bool, smoothed: bool
 ) -> Finding:
     """Add what explains a contradiction: the best of those that do."""
@@ -420,7 +420,7 @@ def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
-def _rejected(figures: Mapping[str, Any]) -> Iterator[Finding]:
+def _judge_rejected(figures: Mapping[str, Any]) -> Iterator[Finding]:
     counts = figures["counts"]
     share = counts["rejected"] / max(1, counts["rejected"] + counts["image_observations"])
     if share > MANY_REJECTED:

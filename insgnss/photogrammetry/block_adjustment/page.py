@@ -11,7 +11,7 @@ from ...base.provenance import paths_named_by
 from ...io.formats.blocks.reading import parts_of_block
 from ...io.formats.orientation.eo_covariance import FILE as STRIPS
 from ...report.charts.chart import Chart
-from ...report.document import Document, Drawing, Marked, Section, Table, limited, strong
+from ...report.document import Document, Drawing, Marked, Section, Table, limit_sentences, strong
 from ...report.figures.block import Field, Ground, charts
 from ...report.rules.wording import lengths
 from ...report.verdict import Verdict, worst_of
@@ -50,7 +50,7 @@ def document_of(
     files : sequence of Path
         What was written.
     """
-    stands_out = limited(judgement.findings, "contradiction") or [Marked("nothing", "text")]
+    stands_out = limit_sentences(judgement.findings, "contradiction") or [Marked("nothing", "text")]
     head = ("unknown", "verdict", "value")
     return Document(
         f"{figures['name']}: adjustment",

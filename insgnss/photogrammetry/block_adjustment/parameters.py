@@ -267,7 +267,7 @@ def estimates(
     return out
 
 
-def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+def determined_unknowns(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
 
     Parameters

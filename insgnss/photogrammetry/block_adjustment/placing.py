@@ -28,7 +28,7 @@ from ...io.formats.origins import statement_of
 from ...io.formats.text.columns import METRES, TableSpec
 from ...records.block import Array, ImageBlock
 from ..adjust.groups import DistanceObservation, InnerConstraints, ObservationGroup
-from ..adjust.start import directions, first_values, intersected
+from ..adjust.start import directions, first_values, intersect_rays
 from ..adjust.unknowns import POINT, POSE
 
 DISTANCES = TableSpec(
@@ -44,7 +44,7 @@ MOST_FREE_POINTS = 1500  # of a free network (chosen): its normal matrix of poin
 FEWEST_COMMON = 3  # images, or ground points: fewer leave a similarity (S.1) a rotation
 
 
-def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
+def place_images(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     """Return a block whose images without first values have those of a program.
 
     Parameters
@@ -70,7 +70,7 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
         fitted = similarity(position[common], block.position_m[common], R)
     elif len(control := block.control.complete) >= FEWEST_COMMON:
         obs = block.observations
-        X = intersected(position, C, directions(block), obs.image, obs.point, len(block.points))[
+        X = intersect_rays(position, C, directions(block), obs.image, obs.point, len(block.points))[
             control.point
         ]
         good = np.isfinite(X).all(axis=1)
@@ -163,7 +163,7 @@ def in_own_datum(
             f'adjustment.datum = "{kind}" needs initial poses, which the image observations do'
             " not have; give the project of a program that has aligned the images"
         )
-    block = _scaled(block, distances)
+    block = _scale_to_distances(block, distances)
     if kind == "control" and union.held is not None:
         return replace(block, held=union.held), ()
     if kind == "minimal":
@@ -189,7 +189,9 @@ def in_own_datum(
     return block, (InnerConstraints(keys, first[rows], not distances),)
 
 
-def _scaled(block: ImageBlock, distances: tuple[DistanceObservation, ...]) -> ImageBlock:
+def _scale_to_distances(
+    block: ImageBlock, distances: tuple[DistanceObservation, ...]
+) -> ImageBlock:
     """Return a block whose first values have the scale of distances, in the middle."""
     X = first_values(block).point
     lengths = [float(np.linalg.norm(X[b] - X[a])) for a, b in (bar.points for bar in distances)]

@@ -21,7 +21,7 @@ from ...base.output.staging import together
 from ...flight.config.block_file import BlockFile
 from ...io.formats.blocks.ground_points import GroundTable
 from ...io.formats.blocks.image_points import ImagePoints
-from ...io.formats.blocks.joined import joined
+from ...io.formats.blocks.joined import join_block
 from ...io.formats.blocks.measured_block import of_table
 from ...io.formats.orientation.eo_json import read_one_camera
 from ...io.formats.returned.cameras import read_camera
@@ -42,7 +42,7 @@ from ..adjust.separation import NORMAL
 from .aerial.control import Control, control_of
 from .figures import figures_of
 from .ground import ground_in_plane
-from .inputs import BlockInputs, calibrated
+from .inputs import BlockInputs, observed_camera
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .page import ground_of, input_files
 from .solve import AdjustedBlock, set_up
@@ -88,7 +88,9 @@ class Plan(Documented):
             worst_of("this is what to expect, before anything is measured"),
             (
                 *charts,
-                Section("What to expect", [*self._precision(), *expected(f), *self._advice()]),
+                Section(
+                    "What to expect", [*self._precision(), *expected_accuracy(f), *self._advice()]
+                ),
                 Section("Notes", f["notes"]),
             ),
             input_files(self.solved),
@@ -131,7 +133,7 @@ class Plan(Documented):
         return self.figures
 
 
-def expected(figures: Mapping[str, Any]) -> Iterator[str]:
+def expected_accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
     """Say how well cameras and mounting will be known.
 
     Parameters
@@ -163,7 +165,7 @@ def expected(figures: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name}: sigma {sigma} {unit} ({before} before)"
 
 
-def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None = None) -> Plan:
+def plan_block(file: BlockFile, progress: Callable[[str], None], out: Path | None = None) -> Plan:
     """Say what a block will determine.
 
     Parameters
@@ -212,9 +214,14 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     source = of_table(*block)
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source = source_in_mode(mode, source, ground, notes)
-    union = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    union = join_block(source, ground, eo, all_oriented=mode == "fast_at")
     inputs = BlockInputs(
-        file, union.block, eo, union.eo_row, tuple(notes), calibrated(file, union.block)
+        file,
+        union.block,
+        eo,
+        union.eo_row,
+        tuple(notes),
+        observed_camera(file, union.block),
     )
     progress(f"adjusting {len(union.block.observations)} planned image observations")
     control = control_of(inputs)
@@ -230,10 +237,10 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     if out is None:
         return plan
     progress(f"writing {out}")
-    return replace(plan, files=_written(plan, out))
+    return replace(plan, files=_write_plan(plan, out))
 
 
-def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
+def _write_plan(plan: Plan, out: Path) -> tuple[Path, ...]:
     """Write document and page, both or none."""
     best = plan.figures["next_control_point"]
     chart = precision_map(
@@ -278,10 +285,12 @@ def _block(
     targets = ground.position_m if ground is not None else np.zeros((0, 3))
     visible = seen_points(eo, targets, camera)
     sigma = file.images.sigma_px or options.tie_sigma_px
-    return _observed(eo, ties, visible, ground.points if ground is not None else (), sigma), camera
+    return _simulate_observations(
+        eo, ties, visible, ground.points if ground is not None else (), sigma
+    ), camera
 
 
-def _observed(
+def _simulate_observations(
     eo: ExteriorOrientation, ties: Visible, targets: Visible, names: tuple[str, ...], sigma: float
 ) -> ImagePoints:
     points = (*(f"T{k + 1:06d}" for k in range(len(ties.position))), *names)

@@ -17,12 +17,12 @@ import numpy as np
 from ...base.errors import DataError
 from ...base.units import FOOT_M
 from ...base.wording import some
-from ...geodesy.conventions import Convention, exchanged, lengths, reversed_signs
+from ...geodesy.conventions import Convention, exchanged_orders, lengths, reversed_signs
 from ...geodesy.explain import EXPLAINS, Candidate, explain
 from ...geodesy.rotation import rotation_from_vector
 from ...io.formats.orientation.poses import LARGEST_GEOID_M
 from ...records.block import Array
-from ..adjust.start import intersected
+from ..adjust.start import intersect_rays
 from .inputs import BlockInputs
 from .readings import (
     FAR_OFF,
@@ -104,7 +104,7 @@ def worse_than_stated(inputs: BlockInputs) -> str:
     few = None if inputs.eo is None else some_rays(as_given(inputs))
     if inputs.eo is None or few is None or few.image.size < FEWEST_RAYS_JUDGED:
         return ""
-    points = intersected(few.position, few.C, few.xy, few.image, few.point, few.point.max() + 1)
+    points = intersect_rays(few.position, few.C, few.xy, few.image, few.point, few.point.max() + 1)
     depth = np.nanmedian(np.linalg.norm(points[few.point] - few.position[few.image], axis=1))
     variance = np.diagonal(inputs.eo.cov[inputs.eo_row[few.image]], axis1=1, axis2=2)
     angle = variance[:, 3:].sum(axis=1) + variance[:, :3].sum(axis=1) / depth**2
@@ -264,7 +264,9 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
     if rows.size < FEWEST_IMAGES:
         return
     mine = whole.rows(np.isin(whole.point, rows))
-    X = intersected(mine.position, mine.C, mine.xy, mine.image, mine.point, len(block.points))[rows]
+    X = intersect_rays(mine.position, mine.C, mine.xy, mine.image, mine.point, len(block.points))[
+        rows
+    ]
     good = np.isfinite(X).all(axis=1)
     if good.sum() < FEWEST_IMAGES:
         return
@@ -301,7 +303,7 @@ def _refuse_ground(inputs: BlockInputs, whole: BlockReading, miss_px: float) -> 
         for unit, factor in OTHER_HEIGHTS.items()
     )
     turned = [
-        *exchanged(axes[:2]),
+        *exchanged_orders(axes[:2]),
         *lengths("coordinates", ("feet",)),
         *map(of_heights, (*heights, *reversed_signs(axes, most=1))),
     ]

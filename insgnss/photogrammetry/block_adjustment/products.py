@@ -68,7 +68,7 @@ FORM_FILES = {
 }
 
 
-def written(
+def write_products(
     solved: AdjustedBlock, figures: dict[str, Any], judgement: Judgement, directory: Path
 ) -> tuple[Path, ...]:
     """Write every product.

@@ -16,7 +16,7 @@ from ...geodesy.explain import Candidate
 from ...geodesy.rotation import CV_RUB, right_angle_rotations, rotation_from_vector
 from ...records.block import INTERIOR, Array, BrownCamera
 from ...records.rows import rows_of
-from ..adjust.start import directions, intersected
+from ..adjust.start import directions, intersect_rays
 from .aerial.relative import flight_lines
 from .inputs import BlockInputs
 
@@ -99,7 +99,7 @@ class BlockReading:
         """
         position, C = self.moved(np.zeros(3) if change is None else change)
         points, rows = np.unique(self.point, return_inverse=True)
-        X = intersected(position, C, self.xy, self.image, rows, points.size)
+        X = intersect_rays(position, C, self.xy, self.image, rows, points.size)
         q = np.einsum("nji,nj->ni", C[self.image], X[rows] - position[self.image])
         with np.errstate(all="ignore"):
             e = self.f[:, None] * (self.xy - q[:, :2] / q[:, 2:])

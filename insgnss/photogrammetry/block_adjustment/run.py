@@ -16,11 +16,11 @@ from ...flight.processing.pipeline import ProcessResult
 from ...report.notebook import Shown
 from .figures import figures_of
 from .inputs import BlockInputs, inputs_of
-from .judgement import CHECK_POINTS, Judgement, accepted_as, judged
+from .judgement import CHECK_POINTS, Judgement, accepted_as, judge_block
 from .page import document_of
 from .plausibility import refuse_implausible, worse_than_stated
-from .products import ADJUST_DOCUMENT, CONTRADICTED, written
-from .solve import AdjustedBlock, solved
+from .products import ADJUST_DOCUMENT, CONTRADICTED, write_products
+from .solve import AdjustedBlock, solve_block
 from .trajectory import TRAJECTORY_DIRECTORY as TRAJECTORY
 from .trajectory import corrected_trajectory, refuse_unfit
 from .trials import converging
@@ -143,11 +143,11 @@ def adjust(
     progress("looking whether the files belong to each other")
     refuse_implausible(inputs)
     try:
-        done = solved(inputs, progress)
+        done = solve_block(inputs, progress)
     except DataError as failure:
-        raise _explained(failure, inputs, progress) from None
+        raise _explain_failure(failure, inputs, progress) from None
     figures = figures_of(done)
-    judgement = judged(done, figures, progress)
+    judgement = judge_block(done, figures, progress)
     figures["headline"] = judgement.headline
     figures["verdict"] = "contradiction" if judgement.contradicted else "consistent"
     figures["findings"] = [f.limit for f in judgement.findings]
@@ -164,7 +164,7 @@ def adjust(
         files = trajectory.files
     if write:
         progress(f"writing {directory}")
-        files = (*written(done, figures, judgement, directory), *files)
+        files = (*write_products(done, figures, judgement, directory), *files)
     uncorrected = None if flight is None else contradiction
     return AdjustmentResult(done, figures, judgement, files, trajectory, uncorrected)
 
@@ -197,7 +197,7 @@ def directory_of(file: BlockFile, out: Path | None) -> Path:
     return file.output.directory
 
 
-def _explained(
+def _explain_failure(
     failure: DataError, inputs: BlockInputs, progress: Callable[[str], None]
 ) -> DataError:
     """Return a failure with what makes the adjustment converge, where something does."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import DataError
 from ...records.block import Array, ImageBlock
-from ..adjust.adjustment import Adjusted, adjusted
+from ..adjust.adjustment import Adjusted, adjust_problem
 from ..adjust.direct import intersected_points
 from ..adjust.groups import ObservationGroup, PointObservation, control_points
 from ..adjust.normals import Problem, problem_of
@@ -17,7 +17,7 @@ from ..adjust.precision import IMAGE, Precision, VarianceComponent, precision_of
 from ..adjust.shutter import without_readout
 from ..adjust.start import first_values
 from ..adjust.unknowns import Key, Unknowns
-from ..adjust.variance_components import reweighted
+from ..adjust.variance_components import reweight_block
 from .aerial.control import Control, control_of, motion_of_images
 from .inputs import BlockInputs
 from .vehicle.control import vehicle_control
@@ -73,7 +73,7 @@ class AdjustedBlock:
         return self.precision.components()
 
 
-def solved(inputs: BlockInputs, progress: Progress) -> AdjustedBlock:
+def solve_block(inputs: BlockInputs, progress: Progress) -> AdjustedBlock:
     """Adjust a block.
 
     Parameters
@@ -111,16 +111,18 @@ def solved(inputs: BlockInputs, progress: Progress) -> AdjustedBlock:
     problem, values = set_up(inputs, control)
     options = inputs.file.adjustment
     if options.mode == "direct":
-        return _intersected(inputs, control, problem, values, progress)
+        return _intersect_points(inputs, control, problem, values, progress)
     progress(f"adjusting {len(block.observations)} image observations")
     if options.keep_all:
-        cleaned = Cleaned(precision_of(adjusted(problem, values)), np.zeros(0, dtype=np.int64))
+        cleaned = Cleaned(
+            precision_of(adjust_problem(problem, values)), np.zeros(0, dtype=np.int64)
+        )
     else:
         cleaned = without_outliers(problem, values, options.limit_w, progress=progress)
     progress("variance components")
     no_images = options.mode == "fast_at"
     kinds = [k for k in options.reweight if k != "none" and not (k == IMAGE and no_images)]
-    again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
+    again = reweight_block(cleaned.result.problem, cleaned.result.values, kinds)
     return AdjustedBlock(
         inputs,
         control,
@@ -146,7 +148,7 @@ def _of_middle_rows(inputs: BlockInputs, control: Control, readout_s: float) -> 
     return without_readout(problem, cleaned.result.values, motion, readout_s)
 
 
-def _intersected(
+def _intersect_points(
     inputs: BlockInputs, control: Control, problem: Problem, values: Unknowns, progress: Progress
 ) -> AdjustedBlock:
     """Intersect all points from poses that are held."""

@@ -35,13 +35,13 @@ from ...flight.processing.recording import Recording
 from ...flight.processing.segment import Segment
 from ...geodesy.rotation import rotation_from_vector, vector_from_rotation
 from ...navigation.filter.codes import AZ, POS
-from ...navigation.filter.correction import corrected, smoothed_about
+from ...navigation.filter.correction import correct_solution, smoothed_about
 from ...records import ExteriorOrientation
 from ...records.block import Array
-from ..adjust.adjustment import Adjusted, adjusted, intersected_again
+from ..adjust.adjustment import Adjusted, adjust_problem, intersected_again
 from ..adjust.aerial import AerialControl
 from ..adjust.normals import cofactors_of, problem_of
-from ..adjust.precision import explained
+from ..adjust.precision import explained_cofactors
 from ..adjust.unknowns import Unknowns, columns_of
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of
@@ -150,7 +150,7 @@ def corrected_trajectory(
 
     def correct(flight: Flight, recording: Recording, segments: list[Segment]) -> list[Segment]:
         after = _Joint(solved, flight, recording, progress).corrected(segments)
-        changed.append(_changed(segments, after))
+        changed.append(_change_sentences(segments, after))
         return [replace(s, history=(*s.history, changed[0])) for s in after]
 
     flight = replace(flight, output=replace(flight.output, strip_covariance=True))
@@ -238,7 +238,7 @@ class _Linearised:
         blocks = {key: values.blocks.get(key, value) for key, value in first.items()}
         values = intersected_again(problem, replace(values, blocks=blocks))
         # one step: the next round linearises flight and block again
-        result = adjusted(problem, values, np.inf)
+        result = adjust_problem(problem, values, np.inf)
         measured = [np.isin(chain.rows, inputs.eo_row) for chain in chains]
         of_chain = iter([group for group in control.groups if isinstance(group, AerialControl)])
         of_chains = [next(of_chain) if images.any() else None for images in measured]
@@ -267,7 +267,7 @@ class _Linearised:
             b = (-group.weight @ e)[:, None]
             if covariances:
                 columns, taken = columns_of(self.result.problem.layout, group.keys)
-                V = explained(
+                V = explained_cofactors(
                     J[:, taken], cofactors_of(self.result.problem, self.result.values, columns)
                 )
                 rows = np.repeat(images, 6)
@@ -281,7 +281,9 @@ class _Linearised:
             )
             T[events] = chain.derivatives[images]
             of_events[events] = b.reshape(-1, 6, b.shape[1])
-            solution = corrected(segment.solution, T, of_events[:, :, 0], of_events[:, :, 1:])
+            solution = correct_solution(
+                segment.solution, T, of_events[:, :, 0], of_events[:, :, 1:]
+            )
             after.append(replace(segment, solution=solution))
         return after
 
@@ -304,7 +306,7 @@ def _weighed_root(weight: Array, less: Array, variance: Array) -> Array:
     return np.asarray(root)
 
 
-def _changed(before: Sequence[Segment], after: Sequence[Segment]) -> str:
+def _change_sentences(before: Sequence[Segment], after: Sequence[Segment]) -> str:
     """Say what the images have changed."""
     step = max(
         float(np.linalg.norm(b.solution.nav[:, POS] - a.solution.nav[:, POS], axis=1).max())

@@ -20,7 +20,7 @@ from ...base.quantiles import chi_square_quantile
 from ...flight.config.block_file import BlockFile
 from ...records.block import Array
 from ...report.rules.wording import screen_unit
-from ..adjust.adjustment import Adjusted, adjusted
+from ..adjust.adjustment import Adjusted, adjust_problem
 from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY, AerialControl
 from ..adjust.groups import ObservationGroup
 from ..adjust.kinematic import VEHICLE_CLOCK
@@ -43,7 +43,7 @@ from .parameters import (
 )
 from .residuals.ground_shift import CONTROL_SHIFT, ShiftedPoint
 from .solve import AdjustedBlock, ground_groups, groups_of
-from .solve import solved as adjusted_block
+from .solve import solve_block as adjusted_block
 from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
 
@@ -405,7 +405,7 @@ def _trial_of(solved: AdjustedBlock, remedy: _LeftOut, excess: float) -> Trial:
     if alone:  # rays that were rejected for its sake take part again
         again = without_outliers(problem, values).result
     else:
-        again = adjusted(problem.with_active_of(result.problem), values)
+        again = adjust_problem(problem.with_active_of(result.problem), values)
     gain = result.cost - again.cost
     value = _change(again, key, inputs.file, result.values.interior[0]) + began
     arm = _unstated_arm(again, remedy)

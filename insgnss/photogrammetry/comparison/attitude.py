@@ -30,7 +30,7 @@ from ...geodesy.rotation import (
     vector_from_rotation,
 )
 from ...records import Array
-from .hypotheses import recognised, taken_off
+from .hypotheses import recognise_difference, taken_off
 from .matching import Matched
 from .poses import Poses
 from .position import BODY_AXES, CAMERA_DIRECTIONS
@@ -52,7 +52,7 @@ def attitude(matched: Matched) -> tuple[Mismatch, Matched] | None:
     """What explains the differences in attitude, and the match with it taken off b."""
     if matched.a.C_Ex is None or matched.b.C_Ex is None:
         return None
-    return recognised("attitude", matched, turn_between, _candidates, LEAST_RAD)
+    return recognise_difference("attitude", matched, turn_between, _candidates, LEAST_RAD)
 
 
 def turn_between(a: Poses, b: Poses) -> Array:
@@ -68,7 +68,7 @@ def _candidates(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     yield from _constant(a, b)
 
 
-def _turned(left_factor: Array, right_factor: Array) -> Callable[[Poses, Poses], Poses]:
+def _rotation_taken_off(left_factor: Array, right_factor: Array) -> Callable[[Poses, Poses], Poses]:
     """What takes off turns of the frame and of its own axes; the file's angles go with them."""
 
     def turned(_: Poses, b: Poses) -> Poses:
@@ -81,20 +81,22 @@ def _turned(left_factor: Array, right_factor: Array) -> Callable[[Poses, Poses],
 def _axes(b: Poses) -> Iterator[Candidate[Matched]]:
     """(A.1) to (A.3)."""
     for Q in right_angle_rotations()[1:]:
-        yield taken_off(*_of_own_axes(Q, b.x), _turned(UNTURNED, Q.T))
-        yield taken_off(*_of_the_frame(Q), _turned(Q.T, UNTURNED))
+        yield taken_off(*_of_own_axes(Q, b.x), _rotation_taken_off(UNTURNED, Q.T))
+        yield taken_off(*_of_the_frame(Q), _rotation_taken_off(Q.T, UNTURNED))
     text = (
         "b is of north-east-down and forward-right-down where a is of east-north-up and"
         " right-forward-up"
     )
-    yield taken_off("frame and body axes", text, _turned(NED_ENU, NED_ENU))
-    yield taken_off("inverse", f"b has the inverse rotation, frame to {b.x}", _transposed(UNTURNED))
+    yield taken_off("frame and body axes", text, _rotation_taken_off(NED_ENU, NED_ENU))
+    yield taken_off(
+        "inverse", f"b has the inverse rotation, frame to {b.x}", _transposition_taken_off(UNTURNED)
+    )
     if b.x == "camera":
         text = "b has the transposed matrix, frame to camera with axes right, up, back"
-        yield taken_off("inverse", text, _transposed(CV_RUB))
+        yield taken_off("inverse", text, _transposition_taken_off(CV_RUB))
 
 
-def _transposed(X: Array) -> Callable[[Poses, Poses], Poses]:
+def _transposition_taken_off(X: Array) -> Callable[[Poses, Poses], Poses]:
     """Return what takes off the transposition of a file's matrix R = C_fE C_b X (A.3)."""
 
     def transposed(_: Poses, b: Poses) -> Poses:
@@ -184,7 +186,7 @@ def _constant(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     yield taken_off(
         "north",
         text,
-        _turned(rotation_from_vector(np.array([0.0, 0.0, -up])), UNTURNED),
+        _rotation_taken_off(rotation_from_vector(np.array([0.0, 0.0, -up])), UNTURNED),
         1,
         {"up_rad": up},
     )
@@ -194,12 +196,12 @@ def _constant(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
         CAMERA_DIRECTIONS if b.x == "camera" else BODY_AXES,
         f"bore-sight or mounting of the {b.x}",
     )
-    yield taken_off("boresight", text, _turned(UNTURNED, Q.T), 3, values)
+    yield taken_off("boresight", text, _rotation_taken_off(UNTURNED, Q.T), 3, values)
     Q = nearest_rotation((b.C_Ex @ np.swapaxes(a.C_Ex, 1, 2)).mean(axis=0))
     text, values = _turn_words(
         Q, ENU_NAMES, "other axes of the frame, another origin of a tangent plane"
     )
-    yield taken_off("turn of the frame", text, _turned(Q.T, UNTURNED), 3, values)
+    yield taken_off("turn of the frame", text, _rotation_taken_off(Q.T, UNTURNED), 3, values)
 
 
 def _turn_words(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, UsageError, near
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...base.output.staging import together
 from ...io.formats.blocks.camera_files import CAMERA_FORMS, write_cameras
 from ...io.formats.blocks.camera_toml import write_camera_toml
@@ -149,7 +149,7 @@ class CameraReport(Documented):
                     "file": str(file.path),
                     "format": file.form,
                     "cameras": [
-                        picked(camera, "name", "width", "height", "model", "unit_px")
+                        pick_attributes(camera, "name", "width", "height", "model", "unit_px")
                         | {key: camera.of(key) for key in INTERIOR}
                         for camera in file.cameras
                     ],
@@ -157,7 +157,7 @@ class CameraReport(Documented):
                 for file in self.files
             ],
             "difference_px": self.difference and asdict(self.difference),
-            **picked(self, "notes", "written"),
+            **pick_attributes(self, "notes", "written"),
         }
 
 

@@ -21,7 +21,7 @@ from ...geodesy.conventions import time_scale
 from ...geodesy.explain import EXPLAINS, best_shift
 from ...records import Array
 from .hypotheses import LEAST_POSES, rms
-from .matching import Matched, covered, interpolated, match, sparser, times
+from .matching import Matched, covered_instants, interpolate_poses, match, sparser, times
 from .poses import Poses
 from .position import difference, velocity_of
 from .result import Mismatch
@@ -138,9 +138,9 @@ def _sampled(a: Poses, b: Poses, shift: float) -> tuple[Poses, Poses] | None:
         return None
     of_a = sparser(a, b)
     sparse, dense, wanted, samples = (a, b, in_a, in_b) if of_a else (b, a, in_b, in_a)
-    inside = np.flatnonzero(covered(samples, wanted))
+    inside = np.flatnonzero(covered_instants(samples, wanted))
     if inside.size < max(LEAST_POSES, LEAST_SHARE * wanted.size):
         return None
     rows = inside[:: max(1, inside.size // MOST_POSES)]
-    taken, from_dense = sparse.taken(rows), interpolated(dense, samples, wanted[rows])
+    taken, from_dense = sparse.taken(rows), interpolate_poses(dense, samples, wanted[rows])
     return (taken, from_dense) if of_a else (from_dense, taken)

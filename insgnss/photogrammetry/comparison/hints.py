@@ -113,6 +113,6 @@ def diagonal(path: Path, sigma: Array | None, E: Array | None = None) -> Array |
     return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
 
 
-def turned(C: Array, P: Array | None) -> Array | None:
+def rotate_covariance(C: Array, P: Array | None) -> Array | None:
     """C P C^T."""
     return None if P is None else np.asarray(C @ P @ np.swapaxes(C, -1, -2))

@@ -53,7 +53,7 @@ def finding(
     return Mismatch(best.name, best.statement, aspect, before, after, values, alike, unit)
 
 
-def recognised(
+def recognise_difference(
     aspect: Aspect,
     matched: Matched,
     measure: Measure,

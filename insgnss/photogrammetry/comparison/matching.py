@@ -127,7 +127,7 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
     in_a, in_b = times(a, b, shift_s)
     of_a = sparser(a, b)
     sparse, dense, wanted, samples = (a, b, in_a, in_b) if of_a else (b, a, in_b, in_a)
-    inside = covered(samples, wanted)
+    inside = covered_instants(samples, wanted)
     if not inside.any():
         spans = (
             f"{a.source} from {in_a[0]:.3f} to {in_a[-1]:.3f} s, {b.source} from {in_b[0]:.3f} to"
@@ -138,7 +138,7 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
             " time scale (UTC is 18 s behind GPST)"
         )
     rows = np.flatnonzero(inside)
-    partner = interpolated(dense, samples, wanted[rows])
+    partner = interpolate_poses(dense, samples, wanted[rows])
     left_dense = int(((samples < wanted[rows[0]]) | (samples > wanted[rows[-1]])).sum())
     unmatched = (sparse.n - rows.size, left_dense)
     taken = sparse.taken(rows)
@@ -147,7 +147,7 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
     return Matched(partner, taken, "time", unmatched[1], unmatched[0], wanted[rows])
 
 
-def covered(samples: Array, wanted: Array) -> NDArray[np.bool_]:
+def covered_instants(samples: Array, wanted: Array) -> NDArray[np.bool_]:
     """Which of the instants `wanted` lie between two samples that are not far apart."""
     if samples.size < 2:
         return np.zeros(wanted.shape, dtype=bool)
@@ -157,7 +157,7 @@ def covered(samples: Array, wanted: Array) -> NDArray[np.bool_]:
     return (wanted >= samples[0] - SAME_INSTANT_S) & (wanted <= samples[-1] + SAME_INSTANT_S) & near
 
 
-def interpolated(poses: Poses, samples: Array, wanted: Array) -> Poses:
+def interpolate_poses(poses: Poses, samples: Array, wanted: Array) -> Poses:
     """`poses`, whose times are `samples`, at the instants `wanted`, which the samples cover."""
     count = min(4, samples.size)
     right = np.clip(np.searchsorted(samples, wanted - SAME_INSTANT_S), 1, samples.size - 1)

@@ -10,7 +10,7 @@ from ...geodesy.rotation import NED_ENU
 from ...records import Array, ExteriorOrientation, Trajectory
 from ...records.cameras.camera_positions import CameraPositions
 from ...records.qualities import Quality
-from .hints import turned
+from .hints import rotate_covariance
 from .poses import CoordinateFrame, Poses
 
 
@@ -102,8 +102,8 @@ def imu_poses(
         C_Ex=NED_ENU @ track.C_nb,
         x="body",
         velocity=None if velocity_ned is None else velocity_ned @ NED_ENU,
-        cov_position=turned(NED_ENU, cov_position),
-        cov_attitude=turned(NED_ENU, cov_attitude),
+        cov_position=rotate_covariance(NED_ENU, cov_position),
+        cov_attitude=rotate_covariance(NED_ENU, cov_attitude),
         **further,
     )
 

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.units import METRE, LengthUnit
-from ...geodesy.conventions import exchanged, reversed_signs
+from ...geodesy.conventions import exchanged_orders, reversed_signs
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
 from ...records import Array
 from ...records.framed import PROJECTED, TANGENT
 from ...records.rows import rows_of
-from .hints import turned
+from .hints import rotate_covariance
 
 
 class NoOriginError(InputError):
@@ -142,7 +142,7 @@ class CoordinateFrame:
         """Words on another order or sign of easting and northing that reaches the CRS' area."""
         assert self.projection is not None
         names = ("easting", "northing")
-        for one in (*exchanged(names), *reversed_signs((*names, ""))):
+        for one in (*exchanged_orders(names), *reversed_signs((*names, ""))):
             try:
                 lat, lon, _ = self.projection.inverse(one.change(x))
             except InputError:
@@ -244,8 +244,8 @@ class CoordinateFrame:
             lon,
             h,
             C_Ex=C if true_north or C is None else C_Ef @ C,
-            cov_position=turned(C_Ef, cov_position),
-            cov_attitude=cov_attitude if true_north else turned(C_Ef, cov_attitude),
+            cov_position=rotate_covariance(C_Ef, cov_position),
+            cov_attitude=cov_attitude if true_north else rotate_covariance(C_Ef, cov_attitude),
             C_fE=None if true_north else C_fE,
             local=x if self.kind in (TANGENT, PROJECTED) else None,
             plane=self.plane,

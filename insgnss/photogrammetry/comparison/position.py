@@ -28,12 +28,12 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.units import FOOT_M, METRE, US_FOOT_M
-from ...geodesy.conventions import METRES_OF, exchanged, lengths, reversed_signs
+from ...geodesy.conventions import METRES_OF, exchanged_orders, lengths, reversed_signs
 from ...geodesy.explain import EXPLAINS, LEAST_MISFIT_RATIO, Candidate
 from ...geodesy.frames import ecef_to_geodetic
 from ...records import Array
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from .hypotheses import WRITTEN_DIGITS, recognised, rms, taken_off
+from .hypotheses import WRITTEN_DIGITS, recognise_difference, rms, taken_off
 from .matching import Matched
 from .poses import CoordinateFrame, Poses
 from .result import Mismatch
@@ -88,7 +88,7 @@ def without(a: Poses, b: Poses, by: Array) -> Poses:
 def horizontal(matched: Matched) -> tuple[Mismatch, Matched] | None:
     """What explains the horizontal differences, and the match with it taken off b."""
     candidates = horizontal_and_time if matched.how == "image" else _horizontal
-    return recognised(
+    return recognise_difference(
         "horizontal", matched, lambda x, y: difference(x, y)[:, :2], candidates, LEAST_RMS_M
     )
 
@@ -108,7 +108,7 @@ def vertical(matched: Matched) -> tuple[Mismatch, Matched] | None:
     def up(x: Poses, y: Poses) -> Array:
         return (y.height - x.height)[:, None]
 
-    return recognised("height", matched, up, _vertical, LEAST_RMS_M)
+    return recognise_difference("height", matched, up, _vertical, LEAST_RMS_M)
 
 
 def _horizontal(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
@@ -297,7 +297,7 @@ def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
             if _nearer(a, b, change(b.local)):
                 yield taken_off("foot for foot", f"b has {feet}", _read_anew(change))
     for one in (
-        *exchanged(("east", "north")),
+        *exchanged_orders(("east", "north")),
         *reversed_signs(("east", "north", "")),
         *lengths("coordinates", ("feet",)),
     ):

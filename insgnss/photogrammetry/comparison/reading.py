@@ -32,7 +32,7 @@ from ...io.formats.text.columns import UnnamedColumns
 from ...records import Array, ExteriorOrientation, Trajectory
 from ...records.interpolation import columns_at
 from ...records.observations import UNKNOWN_MPS
-from .hints import Hints, diagonal, globe_of, turned
+from .hints import Hints, diagonal, globe_of, rotate_covariance
 from .of_records import imu_poses, poses_of
 from .poses import CoordinateFrame, Poses
 from .returned import read_adjusted_poses
@@ -273,7 +273,9 @@ def _gnss(path: Path, hints: Hints) -> Poses:
         time=fixes.time,
         gps_week=fixes.gps_week,
         velocity=velocity,
-        cov_position=turned(NED_ENU, fixes.cov_ned) if fixes.sigma_assumed is None else None,
+        cov_position=rotate_covariance(NED_ENU, fixes.cov_ned)
+        if fixes.sigma_assumed is None
+        else None,
         notes=notes,
     )
 
@@ -319,7 +321,7 @@ def _camera_positions(path: Path, hints: Hints) -> Poses:
         images=table.images,
         time=table.time,
         gps_week=table.gps_week,
-        cov_position=turned(NED_ENU, table.cov_ned),
+        cov_position=rotate_covariance(NED_ENU, table.cov_ned),
     )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...records import Array
 from ...report.document import Document, Section, Table
 from ...report.notebook import Charted, Documented
@@ -89,7 +89,9 @@ class Mismatch:
             "part": self.aspect,
             "rms_before": self.before,
             "rms_after": self.after,
-            **picked(self, "name", "statement", "unit", "explained", "values", "alternatives"),
+            **pick_attributes(
+                self, "name", "statement", "unit", "explained", "values", "alternatives"
+            ),
         }
 
 
@@ -185,7 +187,7 @@ class AdjustedDifferences:
         return {
             "points": {c.name: {"unit": c.unit, **c.statistics()} for c in self.points},
             "cameras": [
-                picked(p, "camera", "name", "difference", "sigma") for p in self.parameters
+                pick_attributes(p, "camera", "name", "difference", "sigma") for p in self.parameters
             ],
         }
 
@@ -286,7 +288,9 @@ class Comparison(Charted, Documented):
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""
         return {
-            **picked(self, "a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by"),
+            **pick_attributes(
+                self, "a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by"
+            ),
             "matched": self.n,
             "without_partner": {"a": self.left_a, "b": self.left_b},
             "components": {c.name: {"unit": c.unit, **c.statistics()} for c in self.components},

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...geodesy.crs import crs_of
-from ...io.formats.blocks.joined import matched
+from ...io.formats.blocks.joined import match_names
 from ...io.formats.returned.crs import kind_of_crs
 from ...io.formats.returned.reading import RETURNED, read_returned_poses
 from ...records import Array
@@ -48,7 +48,7 @@ def shift_from_positions(
     if form not in RETURNED or hints.shift is not None:
         return None
     returned = read_returned_poses(path, form)
-    row = matched(returned.images, reference.images)
+    row = match_names(returned.images, reference.images)
     position, to = returned.position[row >= 0], row[row >= 0]
     if returned.kind not in ("", PROJECTED) or to.size < FEWEST:
         return None

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import InsgnssError
-from ...geodesy.readings import of_attitudes, suspected
+from ...geodesy.readings import of_attitudes, suspected_readings
 from ...records import Array
 from .records import PosedAntennas
 from .similarity import PairedPoints, similarity_lever_arm
@@ -53,7 +53,7 @@ def better_angles(
             return np.inf
 
     readings = of_attitudes(None if opk is None else opk[rows])
-    candidates = suspected(source, readings, lambda C, change: change(C))
+    candidates = suspected_readings(source, readings, lambda C, change: change(C))
     factors = {one.statement: factor(one.read(few.C_rc)) for one in candidates}
     statement, least = min(factors.items(), key=lambda item: item[1])
     as_read, redundancy = factor(few.C_rc), 3 * (len(rows) + len(ground.model)) - 10

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geodesy.explain import explain
-from ...geodesy.readings import of_attitudes, suspected
+from ...geodesy.readings import of_attitudes, suspected_readings
 from ...records import Array
 
 STRAIGHT = 0.94  # cosine of the turn between neighbouring legs: 20 deg
@@ -193,7 +193,7 @@ def misread_angles(
     if (misread := askew(C_mc)) < ASKEW_DEG:
         return ()
     readings = of_attitudes(opk, BEARING_UNITS)
-    candidates = suspected(source, readings, lambda C, change: R @ change(R.T @ C))
+    candidates = suspected_readings(source, readings, lambda C, change: R @ change(R.T @ C))
     explanation = explain(C_mc, candidates, askew, ALONG_DEG)
     if explanation is None:
         return ()

@@ -39,7 +39,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...geodesy.explain import Candidate, explain
-from ...geodesy.least_squares import Equations, adjusted
+from ...geodesy.least_squares import Equations, gauss_newton
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
@@ -255,7 +255,7 @@ def intersected_target(
     def move(dx: Array) -> None:
         P[:] += dx
 
-    normals, _ = adjusted(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
+    normals, _ = gauss_newton(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
     return P, normals.cov, normals.square() / (2 * n - 3)
 
 
@@ -356,7 +356,7 @@ def _rigid(session: ReceiverSession, target: Targets) -> tuple[Array, Array, Arr
         nonlocal A, R
         A, R = A + dx[:3], rotation_from_vector(dx[3:]) @ R
 
-    normals, _ = adjusted(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
+    normals, _ = gauss_newton(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
     d = (X.position - session.antenna_m) @ R.T
     return R, A, normals.cov[:3, :3], A + d - target.position
 
@@ -415,7 +415,7 @@ def materialised_lever_arm(
         T1, R1, s = T1 + dx[:3], rotation_from_vector(dx[3:6]) @ R1, s * float(np.exp(dx[6]))
         arm, R2 = arm + dx[7:10], rotation_from_vector(dx[10:]) @ R2
 
-    normals, _ = adjusted(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
+    normals, _ = gauss_newton(linearised, move, CONVERGED_TARGETS, MOST_ITERATIONS)
     residual, dof = normals.groups[0].e, 3 * N - 13
     factor = normals.square() / dof
     limit = factor_limit(dof)

@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...geodesy.least_squares import Equations, NormalEquations, adjusted, inverse
+from ...geodesy.least_squares import Equations, NormalEquations, gauss_newton, inverse
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
@@ -235,7 +235,7 @@ def similarity_lever_arm(
             " lever arm are 10 unknowns and need four images, and many more to be good"
         )
     system = _System(poses, ground)
-    normals, converged = adjusted(
+    normals, converged = gauss_newton(
         system.linearised, system.move, CONVERGED_SIMILARITY, MOST_ITERATIONS, redundancy=dof
     )
     cov, R = normals.cov, system.R

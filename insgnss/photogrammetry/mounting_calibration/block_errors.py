@@ -95,7 +95,7 @@ def bending(arm: Array) -> Array:
     return H
 
 
-def propagated(D: Array, Q: Array) -> Array:
+def propagate(D: Array, Q: Array) -> Array:
     """Return D Q D^T.
 
     Parameters

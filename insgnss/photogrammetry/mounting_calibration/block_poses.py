@@ -12,7 +12,7 @@ import numpy as np
 from ...base.errors import InputError
 from ...base.inputs import opened_text, read_text
 from ...geodesy.frames import TangentPlane
-from ...io.formats.blocks.joined import matched
+from ...io.formats.blocks.joined import match_names
 from ...io.formats.orientation.pose_covariance import POSES_COVARIANCE_FILE, read_pose_covariance
 from ...records import ExteriorOrientation
 from ...records.block import Array
@@ -111,7 +111,7 @@ def common_images(block: CameraPoses, eo: ExteriorOrientation) -> tuple[CameraPo
     InputError
         None is common.
     """
-    row = matched(block.images, eo.images)
+    row = match_names(block.images, eo.images)
     common = np.flatnonzero(row >= 0)
     if not common.size:
         raise InputError(

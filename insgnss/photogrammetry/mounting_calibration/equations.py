@@ -69,7 +69,7 @@ from .block_errors import (
     BENDS,
     bending,
     pose_covariances,
-    propagated,
+    propagate,
     shared_covariance,
 )
 from .options import Assumptions
@@ -320,7 +320,7 @@ class Model:
 
     def _line(self, rows: Rows, e: Array, A: Array, P: Array, D: Array) -> Line:
         """Return a line, the covariance of its block's poses propagated by D G."""
-        shares = {name: propagated(D, Q)[None] for name, Q in self._of_images(rows).items()}
+        shares = {name: propagate(D, Q)[None] for name, Q in self._of_images(rows).items()}
         return Line(e[None], A[None], {FLIGHT_GROUP: P[None]} | shares, rows)
 
     def _of_images(self, rows: Rows) -> dict[str, Array]:

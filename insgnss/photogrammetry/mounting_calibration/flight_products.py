@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...flight.config.flight_file import Flight
 from ...flight.processing.checks import camera_of
 from ...geodesy.rotation import opk_from_rotation
@@ -26,7 +26,7 @@ KEYS_OF_GROUPS = {
 }
 
 
-def calibrated(
+def flight_result(
     result: MountingResult, flight: Flight, photo: Path | None = None, date: str | None = None
 ) -> CalibratedMounting:
     """Return the result for the file, the page and the terminal.
@@ -139,7 +139,7 @@ def document(result: MountingResult) -> dict[str, Any]:
     return {
         "parameters": [
             {
-                **picked(c, "name", "group", "axis", "verdict", "sigma", "limit", "why"),
+                **pick_attributes(c, "name", "group", "axis", "verdict", "sigma", "limit", "why"),
                 "value": c.value if c.determined else None,
                 "flight_file": c.stated,
                 "remedies": list(c.remedies),

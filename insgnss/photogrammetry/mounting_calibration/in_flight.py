@@ -178,7 +178,7 @@ def calibrate_mounting(
             solved = solve(block, flight_poses, rows, assumptions)
         refuse_frame(solved)
         judged = components(solved, stated)
-        new, new_delay, judged = determined(solved, stated, judged)
+        new, new_delay, judged = determined_mounting(solved, stated, judged)
         corrections.append(_largest(solved, judged, new, new_delay))
         mounting, delay = new, new_delay
         if corrections[-1] < SETTLED_CORRECTIONS:
@@ -292,7 +292,7 @@ def _path(result: ProcessResult, flight_poses: CovariantPoses) -> FlownPath:
     )
 
 
-def determined(
+def determined_mounting(
     solved: AdjustedMounting, stated: Stated, judged: tuple[MountingComponent, ...]
 ) -> tuple[Mounting, float, tuple[MountingComponent, ...]]:
     """Return the mounting that was found.

@@ -9,7 +9,7 @@ import numpy as np
 from ...base.errors import DataError, InputError
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.ground_points import read_ground_points
-from ...io.formats.blocks.joined import matched
+from ...io.formats.blocks.joined import match_names
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.returned.crs import stated_crs
 from ...records.block import Array, BrownCamera
@@ -46,7 +46,7 @@ class Intersection:
     images: int
 
 
-def intersected(
+def intersect_point(
     poses: CameraPoses, block: MeasuredBlock, name: str, cameras: Sequence[BrownCamera], kind: str
 ) -> Intersection | None:
     """Intersect a point of a block from the images that have a pose.
@@ -75,7 +75,7 @@ def intersected(
         Its rays do not meet before the cameras.
     """
     observed = block.measured.observations
-    pose = matched(block.measured.images, poses.images)[observed.image]
+    pose = match_names(block.measured.images, poses.images)[observed.image]
     use = (observed.point == block.measured.points.index(name)) & (pose >= 0)
     if use.sum() < 2:
         return None

@@ -48,7 +48,7 @@ UNITS_OF_GROUPS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms"
 AS_MILLIMETRES = (1e3, "mm", 1)
 
 
-def shown(group: str, value: float) -> str:
+def value_text(group: str, value: float) -> str:
     """Return a value of a group, m, rad or s, in the unit in which people read it."""
     factor, unit, digits = UNITS_OF_GROUPS.get(group, AS_MILLIMETRES)
     return f"{factor * value:.{digits}f} {unit}"
@@ -111,7 +111,7 @@ class MountingComponent:
     def text(self) -> str:
         """Value, or why there is none."""
         factor, unit, digits = UNITS_OF_GROUPS.get(self.group, AS_MILLIMETRES)
-        sigma = shown(self.group, self.sigma)
+        sigma = value_text(self.group, self.sigma)
         if not self.determined:
             required = self.group == "antenna_m" and self.limit < USEFUL["antenna_m"]
             whose = "mounting.antenna_sigma_m" if required else "limit"
@@ -207,7 +207,7 @@ def components(solved: AdjustedMounting, stated: Stated) -> tuple[MountingCompon
             if stated_sigma is None
             else float(abs(values[k] - before[k]) / np.hypot(sigma[k], stated_sigma))
         )
-        in_file = shown(group, before[k])
+        in_file = value_text(group, before[k])
         if verdict == UNDETERMINED:
             undetermined.append(len(out))
             why = _why(names, V, k, facts)
@@ -353,8 +353,10 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
             )
         return "the poses are not precise enough"
     reason = f"cannot be separated from {' and '.join(names[j][2] for j in partners)}"
-    reason += f" (were {'they' if len(partners) > 1 else 'it'} known, {shown(names[k][0], sigma)}"
-    reason += f" instead of {shown(names[k][0], first).partition(' ')[0]})"
+    reason += (
+        f" (were {'they' if len(partners) > 1 else 'it'} known, {value_text(names[k][0], sigma)}"
+    )
+    reason += f" instead of {value_text(names[k][0], first).partition(' ')[0]})"
     groups = {names[k][0], *(names[j][0] for j in partners)}
     vertical = any(w in names[i][2] for i in (k, *partners) for w in ("up", "down"))
     if groups == {names[k][0], "camera"}:
@@ -424,7 +426,9 @@ def _advise(
         best = int(np.argmin(sigmas))
         if not good and sigmas[best] < 0.5 * c.sigma:
             good = [best]
-        remedies = tuple(f"{useful[i][0]} would give {shown(c.group, sigmas[i])}" for i in good)
+        remedies = tuple(
+            f"{useful[i][0]} would give {value_text(c.group, sigmas[i])}" for i in good
+        )
         out[k] = replace(c, remedies=remedies)
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError, near
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...geodesy.explain import explain
-from ...geodesy.readings import advice, of_positions, suspected
+from ...geodesy.readings import advice, of_positions, suspected_readings
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
 from ...records import Array
@@ -29,7 +29,7 @@ from ..lever_arm.materialisation import (
     receiver_targets,
 )
 from ..lever_arm.records import RULER_M
-from .intersections import intersected
+from .intersections import intersect_point
 from .options import MaterialiseOptions
 from .poses import Positions, is_block, read_camera_poses
 from .products import CalibratedMounting, of_lever_arm, provenance
@@ -141,7 +141,7 @@ def _points(path: Path) -> Positions:
         name: target
         for name in poses.block.measured.points
         if not TIE_POINT.fullmatch(name)
-        and (target := intersected(poses, poses.block, name, poses.cameras, "target"))
+        and (target := intersect_point(poses, poses.block, name, poses.cameras, "target"))
     }
     if not targets:
         raise InputError.in_file(path, "no target is measured in two images; measure more of them")
@@ -276,7 +276,7 @@ def _estimated(
         def misfit(position: Array) -> float:
             return float(np.sqrt((fitted(position).residual_m ** 2).mean()))
 
-        candidates = suspected(
+        candidates = suspected_readings(
             block.path.name, of_positions(units=False), lambda X, change: change(X)
         )
         readings = advice(explain(whole, candidates, misfit, CLOSE_M))
@@ -342,7 +342,7 @@ def _calibrated(
             "lever_arm_m": arm,
             "sigma_m": sigma,
             "cov_m2": cov,
-            **picked(result, "two_step_m", "scale", "variance_factor", "factor_limit"),
+            **pick_attributes(result, "two_step_m", "scale", "variance_factor", "factor_limit"),
             "phase_centres_apart_m": receiver.apart_m,
             "inputs": inputs,
         },
@@ -352,7 +352,7 @@ def _calibrated(
 
 
 def _charts(results: Sequence[MaterialisedLeverArm], receiver: ReceiverTargets) -> Sequence[Chart]:
-    from ...report.figures.mounting import Scatter, scattered
+    from ...report.figures.mounting import Scatter, scatter_panel
 
     def scatter(each: Array, name: str, sigma: Array, mean: Array, mean_sigma: Array) -> Scatter:
         names = tuple(f"{name}{k}" for k in range(1, len(each) + 1))
@@ -364,8 +364,8 @@ def _charts(results: Sequence[MaterialisedLeverArm], receiver: ReceiverTargets) 
         sigma = np.sqrt(np.diag(receiver.antenna_cov))
         data = scatter(receiver.each_m, "session ", sigma * np.sqrt(n), receiver.antenna_m, sigma)
         title = "Phase centre of each session, in the frame of the first"
-        charts.append(scattered(data, "session", title, ("x", "y", "z")))
+        charts.append(scatter_panel(data, "session", title, ("x", "y", "z")))
     none = np.zeros(3)
     data = scatter(np.concatenate([r.residual_m for r in results]), "", none, none, none)
     title = "Misclosures of the targets on camera and receiver, in camera axes"
-    return [*charts, scattered(data, "target", title)]
+    return [*charts, scatter_panel(data, "target", title)]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.conventions import Change, orders, time_scale
 from ...geodesy.explain import Candidate, best_shift, explain
-from ...geodesy.readings import of_attitudes, of_positions, suspected
+from ...geodesy.readings import of_attitudes, of_positions, suspected_readings
 from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity_of_poses
 from ...records.block import Array
@@ -209,8 +209,8 @@ def _readings(n: int) -> Iterator[Candidate[Pairs]]:
     def of_cameras(data: Pairs, change: Change) -> Pairs:
         return data[0], change(data[1]), *data[2:]
 
-    yield from suspected("it", of_positions(units=False, rows=False), of_block)
-    yield from suspected("it", of_attitudes(), of_cameras)
+    yield from suspected_readings("it", of_positions(units=False, rows=False), of_block)
+    yield from suspected_readings("it", of_attitudes(), of_cameras)
 
 
 def _joined(one: Rows, counterpart: Rows) -> Callable[[Pairs], Pairs]:

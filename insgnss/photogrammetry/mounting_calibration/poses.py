@@ -19,7 +19,7 @@ from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
-from ...io.formats.blocks.joined import matched
+from ...io.formats.blocks.joined import match_names
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.metashape_chunk import read_metashape_references
 from ...io.formats.blocks.pose_table import (
@@ -27,15 +27,15 @@ from ...io.formats.blocks.pose_table import (
     read_pose_table,
     read_position_table,
 )
-from ...io.formats.blocks.reading import COLMAP_FILE, read_measured_block, recognised
+from ...io.formats.blocks.reading import COLMAP_FILE, read_measured_block, recognise_format
 from ...io.formats.detect import head_of
 from ...io.formats.returned.crs import stated_crs
 from ...io.formats.returned.reading import read_returned_poses, returned_form
-from ...io.formats.text.layout import decode, shown
+from ...io.formats.text.layout import decode, quote
 from ...records import Array, ExteriorOrientation
 from ...records.framed import GEOCENTRIC
 from ..comparison.compare import largest_difference
-from ..comparison.hints import Hints, turned
+from ..comparison.hints import Hints, rotate_covariance
 from ..comparison.poses import FAR_DEG, FarError, Poses, degrees_for_metres
 from ..comparison.position import SHIFT_M
 from ..comparison.reading import read_poses, sniff_poses
@@ -234,7 +234,9 @@ def _on_the_earth(path: Path, poses: Poses) -> CameraPoses:
         poses.images,
         plane.position_from_geodetic(poses.lat, poses.lon, poses.height),
         R @ poses.C_Ex,
-        _joint_cov(turned(R, poses.cov_position), turned(R, poses.cov_attitude)),
+        _joint_cov(
+            rotate_covariance(R, poses.cov_position), rotate_covariance(R, poses.cov_attitude)
+        ),
         "plane",
         str(path),
         poses.notes,
@@ -275,7 +277,7 @@ def is_block(path: Path) -> bool:
 
 
 def _of_block(path: Path) -> CameraPoses:
-    block = read_measured_block(path, recognised(path))
+    block = read_measured_block(path, recognise_format(path))
     rows = np.flatnonzero(block.oriented)
     if not rows.size:
         raise InputError.in_file(path, "no image has a pose; align the images and export")
@@ -440,7 +442,7 @@ def _refuse_outside(path: Path, x: Array, projection: MapProjection, far_deg: fl
     )
 
 
-def joined(
+def join_by_name(
     images: Sequence[str], names: Sequence[str], first: Path, second: Path, fewest: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
     """Join two files by names; endings and folders of images need not be the same.
@@ -466,12 +468,12 @@ def joined(
     InputError
         Too few pairs.
     """
-    rows = matched(images, names)
+    rows = match_names(images, names)
     pairs = np.flatnonzero(rows >= 0), rows[rows >= 0]
     if pairs[0].size < fewest:
         raise InputError(
-            f"{second}: {pairs[0].size} of its {len(names)} names, such as {shown(names[0])}, are"
-            f" among the {len(images)} of {first}, such as {shown(images[0])} ({fewest} are"
+            f"{second}: {pairs[0].size} of its {len(names)} names, such as {quote(names[0])}, are"
+            f" among the {len(images)} of {first}, such as {quote(images[0])} ({fewest} are"
             " needed); are the files of one flight, and are images named alike?"
         )
     notes = []

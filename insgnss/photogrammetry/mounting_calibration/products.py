@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
-from ...base.files import picked
-from ...base.inputs import is_file, opened, sha256
+from ...base.files import pick_attributes
+from ...base.inputs import is_file, open_bytes, sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, other_results, refuse_overwriting
 from ...io.formats.images.exif import camera_tags, time_taken
@@ -81,7 +81,7 @@ def provenance(
         return record
     if not is_file(photo):
         raise InputError.in_file(photo, "does not exist; give an image of the camera")
-    with opened(photo) as stream:
+    with open_bytes(photo) as stream:
         tags = camera_tags(stream, photo.name)
         try:
             day = time_taken(stream, photo.name).date().isoformat()
@@ -144,7 +144,7 @@ class CalibratedMounting(Shown):
         """Return the document for machines."""
         return {
             "verb": self.mounting.verb,
-            **picked(self, "headline", "details", "files"),
+            **pick_attributes(self, "headline", "details", "files"),
             "components": [
                 {"component": name, "verdict": word, "text": text}
                 for name, word, text in self.components
@@ -220,7 +220,9 @@ def of_lever_arm(
     )
 
 
-def written(result: CalibratedMounting, out: Path, force: bool = False) -> CalibratedMounting:
+def write_mounting(
+    result: CalibratedMounting, out: Path, force: bool = False
+) -> CalibratedMounting:
     """Write mounting.toml and, beside it, a document for machines and the page.
 
     Parameters
@@ -269,7 +271,7 @@ def files_of(path: Path) -> list[Path]:
     return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
 
 
-def compared(result: CalibratedMounting, calibration_file: Path) -> CalibratedMounting:
+def compare_arms(result: CalibratedMounting, calibration_file: Path) -> CalibratedMounting:
     """Return a result with its difference to another lever arm.
 
     Parameters

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...base.units import FOOT_M
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
 from ...geodesy.frames import TangentPlane
-from ...geodesy.readings import advice, of_attitudes, of_positions, suspected
+from ...geodesy.readings import advice, of_attitudes, of_positions, suspected_readings
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.reading import read_measured_block
 from ...io.formats.returned.cameras import read_camera
@@ -41,12 +41,12 @@ from ..lever_arm.similarity import (
     similarity_lever_arm,
     tilt_of,
 )
-from .intersections import intersected, surveyed_points
+from .intersections import intersect_point, surveyed_points
 from .options import SimilarityOptions
 from .poses import (
     Positions,
     compared_with,
-    joined,
+    join_by_name,
     read_camera_poses,
     read_positions,
     refuse_distant,
@@ -105,7 +105,7 @@ def calibrate_similarity(
     camera = read_camera_poses(cameras, hints, only=False)
     plane = camera.plane
     fixes = read_positions(antenna, options, plane)
-    rows, antenna_rows, notes = joined(camera.images, fixes.names, cameras, antenna, 1)
+    rows, antenna_rows, notes = join_by_name(camera.images, fixes.names, cameras, antenna, 1)
     notes = (*camera.notes, *notes)
     camera, order = camera.taken(rows), antenna_rows
     position = fixes.position[order]
@@ -182,7 +182,7 @@ def _ground(
     for row, name in enumerate(surveyed.names):
         if name not in block.measured.points:
             continue
-        point = intersected(camera, block, name, sensors, "ground point")
+        point = intersect_point(camera, block, name, sensors, "ground point")
         if point is None:
             continue
         if point.miss_px > MISS_PX and point.factor > MISS_FACTOR:
@@ -252,12 +252,12 @@ def _other_readings(
         return data[0].changed(change, "C_rc"), data[1]
 
     candidates = [  # without units: the scale is estimated
-        *suspected(antenna, of_positions(units=False), of_antenna),
-        *suspected(cameras, of_attitudes(camera.opk), of_cameras),
+        *suspected_readings(antenna, of_positions(units=False), of_antenna),
+        *suspected_readings(cameras, of_attitudes(camera.opk), of_cameras),
     ]
     if len(ground.model):
         each = f"each of {antenna} and the ground points"
-        candidates += suspected(each, of_positions(units=False, rows=False), of_survey)
+        candidates += suspected_readings(each, of_positions(units=False, rows=False), of_survey)
     return advice(explain((poses, ground), candidates, misfit, 0.1 * LONGEST_LEVER_ARM_M))
 
 
@@ -272,7 +272,9 @@ def _refuse_attitudes(
         return
     R = result.frame.rotation
 
-    candidates = suspected(cameras.name, of_attitudes(camera.opk), lambda C, change: change(C))
+    candidates = suspected_readings(
+        cameras.name, of_attitudes(camera.opk), lambda C, change: change(C)
+    )
     explanation = explain(poses.C_rc, candidates, lambda C: tilt_of(R @ C)[1], LEVEL_DEG)
     if explanation is not None:
         raise InputError(
@@ -469,8 +471,8 @@ def _document(
     result: SimilarityLeverArm, along_flight: _AlongFlight | None, inputs: Sequence[Path]
 ) -> dict[str, Any]:
     document: dict[str, Any] = {
-        **picked(result, "lever_arm_m", "sigma_m", "determined", "vertical_correlation"),
-        **picked(result, "translation_correlation", "variance_factor", "factor_limit"),
+        **pick_attributes(result, "lever_arm_m", "sigma_m", "determined", "vertical_correlation"),
+        **pick_attributes(result, "translation_correlation", "variance_factor", "factor_limit"),
         "scale": result.frame.scale,
         "images": len(result.residual_m),
         "ground_points": len(result.ground_residual_m),

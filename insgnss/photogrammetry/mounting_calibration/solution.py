@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
-from ...geodesy.least_squares import NormalEquations, adjusted, conditioned
+from ...geodesy.least_squares import NormalEquations, condition_on, gauss_newton
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...records.block import Array
 from ..adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY
@@ -189,7 +189,7 @@ class AdjustedMounting:
         cov : ndarray, (u, u)
             Covariance of the unknowns.
         """
-        return conditioned(self.cov, J, misclosure, sigma**2 * np.eye(len(J)))
+        return condition_on(self.cov, J, misclosure, sigma**2 * np.eye(len(J)))
 
     def with_line(self, variant: Variant) -> Array:
         """Return the covariance of the unknowns with the longest line flown once more.
@@ -219,7 +219,7 @@ class AdjustedMounting:
         A[:, self.place[EXPOSURE_DELAY]] *= variant.speed
         self._keep_levels(A, line, turn)
         V = M @ line.covariance(self.factors)[0] @ M.T
-        return conditioned(self.cov, A, np.zeros(6 * m), V)[1]
+        return condition_on(self.cov, A, np.zeros(6 * m), V)[1]
 
     def _keep_levels(self, A: Array, line: Line, turn: Array) -> None:
         """Keep the common errors of the positions as they were, but for those of the lever arm.
@@ -328,7 +328,7 @@ def solve(
 def _adjusted(model: Model, factors: Mapping[str, float]) -> NormalEquations:
     """Move the values until they stay; returns the normal equations there."""
     limit = CONVERGED**2 * model.size
-    if not adjusted(model.linearised, model.move, limit, MOST_SOLVER_STEPS, factors)[1]:
+    if not gauss_newton(model.linearised, model.move, limit, MOST_SOLVER_STEPS, factors)[1]:
         raise DataError(
             f"{model.block.source}: the adjustment of the mounting does not converge in"
             f" {MOST_SOLVER_STEPS} steps; these poses are probably not of this flight"

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...base.files import picked
+from ...base.files import pick_attributes
 from ...geodesy.conventions import Change
 from ...geodesy.explain import explain
-from ...geodesy.readings import advice, of_attitudes, of_positions, suspected
+from ...geodesy.readings import advice, of_attitudes, of_positions, suspected_readings
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..lever_arm.records import LONGEST_LEVER_ARM_M, RULER_M, PosedAntennas
@@ -18,7 +18,7 @@ from ..lever_arm.tripod import TripodLeverArm, setup_lever_arms, tripod_lever_ar
 from .options import PlaceOptions, TripodOptions
 from .poses import (
     Positions,
-    joined,
+    join_by_name,
     read_camera_poses,
     read_positions,
 )
@@ -51,7 +51,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
         A file is wrong, or both do not belong together.
     """
     camera, pin = _in_one_frame(read_camera_poses(poses), pins, options)
-    first, second, notes = joined(camera.images, pin.names, poses, pins, 1)
+    first, second, notes = join_by_name(camera.images, pin.names, poses, pins, 1)
     notes = (*camera.notes, *notes)
     camera = camera.taken(first)
     if pin.cov is None:
@@ -150,9 +150,9 @@ def _other_readings(setups: PosedAntennas, opk: Array | None, poses: str, pins: 
         return lambda data, change: data.changed(change, name)
 
     candidates = [
-        *suspected(pins, of_positions(rows=len(setups.antenna_m) > 2), of("antenna_m")),
-        *suspected(poses, of_attitudes(opk), of("C_rc")),
-        *suspected(poses, of_positions(rows=False), of("position")),
+        *suspected_readings(pins, of_positions(rows=len(setups.antenna_m) > 2), of("antenna_m")),
+        *suspected_readings(poses, of_attitudes(opk), of("C_rc")),
+        *suspected_readings(poses, of_positions(rows=False), of("position")),
     ]
     return advice(explain(setups, candidates, misfit, MISFIT_M))
 
@@ -177,7 +177,9 @@ def _document(
     result: TripodLeverArm, names: Sequence[str], inputs: tuple[Path, ...]
 ) -> dict[str, Any]:
     return {
-        **picked(result, "lever_arm_m", "sigma_m", "spread_m", "variance_factor", "factor_limit"),
+        **pick_attributes(
+            result, "lever_arm_m", "sigma_m", "spread_m", "variance_factor", "factor_limit"
+        ),
         "cov_m2": result.cov,
         "attitude_span_deg": result.attitude_span_deg,
         "setups": [
@@ -189,9 +191,9 @@ def _document(
 
 
 def _charts(result: TripodLeverArm, setups: PosedAntennas, names: Sequence[str]) -> Sequence[Chart]:
-    from ...report.figures.mounting import Scatter, scattered
+    from ...report.figures.mounting import Scatter, scatter_panel
 
     each, cov = setup_lever_arms(setups)
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     data = Scatter(tuple(names), each, sigma, result.outlier, result.lever_arm_m, result.sigma_m)
-    return [scattered(data, "setup", "Lever arm of each setup, in camera axes")]
+    return [scatter_panel(data, "setup", "Lever arm of each setup, in camera axes")]

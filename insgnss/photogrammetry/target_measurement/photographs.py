@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...base.inputs import opened
-from ...io.formats.blocks.joined import matched
+from ...base.inputs import open_bytes
+from ...io.formats.blocks.joined import match_names
 
 PHOTOGRAPH_ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 # pixels of a photograph; beyond, a damaged header is more likely
@@ -72,7 +72,7 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
             raise InputError(
                 f"{twice[0]} and {twice[1]} have the same name; give the directory of one flight"
             )
-    rows = matched(images, names)
+    rows = match_names(images, names)
     if not (rows >= 0).any():
         raise InputError.in_file(
             directory,
@@ -111,7 +111,7 @@ def read_grey(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.flo
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         try:
-            with opened(path) as stream, Image.open(stream) as photograph:
+            with open_bytes(path) as stream, Image.open(stream) as photograph:
                 _refuse_size(path, photograph.size, size, photograph.getexif().get(0x0112, 1))
                 if photograph.mode[:1] in ("I", "F"):  # 16 bits and more: one channel
                     return np.asarray(photograph, dtype=np.float32)

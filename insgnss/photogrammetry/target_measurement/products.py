@@ -42,7 +42,7 @@ from ...io.formats.vehicle.target_sizes import TargetSizes, write_target_sizes
 from ...records.block import Array, ImageObservations
 from ..targets.prediction import VISIBILITY
 from .inputs import TargetInputs
-from .windows import Window, accepted
+from .windows import Window, accepted_windows
 
 LEVEL_SINE = 1e-6
 """Of the sine of the tilt below which every diameter is parallel to the image."""
@@ -65,7 +65,7 @@ def target_sizes(inputs: TargetInputs, windows: Sequence[Window]) -> TargetSizes
     """
     predictions, length = inputs.predictions, inputs.request.target.size_m
     images, points, size, sigma = [], [], [], []
-    for window, match in accepted(windows):
+    for window, match in accepted_windows(windows):
         if match.M_cov is None:
             continue
         i, p = int(predictions.image[window.row]), int(predictions.point[window.row])
@@ -169,7 +169,7 @@ def measured_points(inputs: TargetInputs, windows: Sequence[Window]) -> ImagePoi
     ImagePoints
         One observation an accepted window.
     """
-    predictions, good = inputs.predictions, accepted(windows)
+    predictions, good = inputs.predictions, accepted_windows(windows)
     rows = np.array([window.row for window, _ in good], dtype=np.int64)
     uv = np.array([match.uv for _, match in good]).reshape(-1, 2)
     cov = np.array([match.cov for _, match in good]).reshape(-1, 2, 2)

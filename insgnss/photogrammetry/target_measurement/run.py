@@ -29,7 +29,7 @@ from .products import REJECTED_FILE as REJECTED_TABLE
 from .request import TARGETS_DIRECTORY, TargetRequest
 from .sheet import TARGETS_PAGE, sheet_sections
 from .trials import advice
-from .windows import Window, accepted, windows_of
+from .windows import Window, accepted_windows, windows_of
 
 TARGETS_DOCUMENT = "targets.json"
 ANOTHER = "another place by --out"  # for products that would overwrite an input
@@ -292,7 +292,7 @@ def _figures(
     inputs: TargetInputs, photographs: Photographs, windows: list[Window]
 ) -> dict[str, Any]:
     """Numbers of a measurement."""
-    pred, good = inputs.predictions, accepted(windows)
+    pred, good = inputs.predictions, accepted_windows(windows)
     sigma = [float(np.sqrt(np.trace(m.cov) / 2.0)) for _, m in good]
     diff = [m.uv - pred.uv[w.row] for w, m in good]
     count = np.zeros((len(inputs.ground.points), 2), dtype=int)
@@ -363,7 +363,7 @@ def _refuse_size(inputs: TargetInputs) -> None:
 
 def _size(inputs: TargetInputs, windows: list[Window]) -> list[str]:
     """Say that targets have another size than was given."""
-    areas = [abs(float(np.linalg.det(match.M))) for _, match in accepted(windows)]
+    areas = [abs(float(np.linalg.det(match.M))) for _, match in accepted_windows(windows)]
     if len(areas) < JUDGED:
         return []
     stated = inputs.request.target.size_m

@@ -12,7 +12,7 @@ from ..targets.measurement import Rules
 from .inputs import TargetInputs
 from .photographs import Photographs
 from .request import Target
-from .windows import accepted, windows_of
+from .windows import accepted_windows, windows_of
 
 SIZE_FACTORS = (0.5, 2.0 / 3.0, 1.5, 2.0)  # of the size: wrong by less, targets are found
 WIDER_PX = 10.0, 30.0  # the second: half a degree of bore-sight that was not estimated, at 3500 px
@@ -55,7 +55,7 @@ def advice(inputs: TargetInputs, photographs: Photographs, progress: Callable[[s
             windows = windows_of(trial, photographs, quiet, plain)
         except InputError:  # a target that cannot be, such as bars wider than long
             continue
-        count = len(accepted(windows))
+        count = len(accepted_windows(windows))
         if count > ADVICE_SHARE * rows.size:
             return f"with {change} {count} of {rows.size} that were tried are found"
     return ""

@@ -120,7 +120,7 @@ def number_in(name: str) -> int | None:
     return int(digits[1]) if digits else None
 
 
-def accepted(windows: Iterable[Window]) -> list[tuple[Window, Match]]:
+def accepted_windows(windows: Iterable[Window]) -> list[tuple[Window, Match]]:
     """Return the windows whose measurement stands, each with its match."""
     return [
         (window, match)
@@ -179,7 +179,7 @@ def _held_together(inputs: TargetInputs, windows: list[Window]) -> Iterator[Wind
     predictions = inputs.predictions
     rejected: dict[int, float] = {}
     for p in range(len(inputs.ground.points)):
-        group = [pair for pair in accepted(windows) if predictions.point[pair[0].row] == p]
+        group = [pair for pair in accepted_windows(windows) if predictions.point[pair[0].row] == p]
         if len(group) < 3:
             continue
         matches = [match for _, match in group]

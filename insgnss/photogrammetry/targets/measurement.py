@@ -13,7 +13,7 @@ from ...base.errors import InputError
 from ...records import Array
 from .matching import Freedom, Match, match
 from .signals import Signal
-from .template import Template, rotated
+from .template import Template, rotated_axes
 
 _MOST_PLACES = 3  # of the best, which the matching tries: one is the target, one its rival
 _APART_PX = 3.0  # between places: the matching finds what is nearer
@@ -273,7 +273,7 @@ def measure(
             "prediction of a target: not finite; pass the predictions of visible points only"
         )
     templates = [
-        Template(signal, rotated(B, angle), B[:, 2])
+        Template(signal, rotated_axes(B, angle), B[:, 2])
         for angle in _azimuths(signal, azimuth_rad, limits)
     ]
     if (radius := signal.radius_m / templates[0].pixel_m) < _SMALLEST_PX:

@@ -236,7 +236,7 @@ class Sampled:
         return np.asarray(map_coordinates(layer, cells, order=1, mode="nearest"))
 
 
-def rotated(by_point: ArrayLike, azimuth_rad: float) -> Array:
+def rotated_axes(by_point: ArrayLike, azimuth_rad: float) -> Array:
     """Return what takes the axes of a signal on level ground to pixels.
 
     Parameters

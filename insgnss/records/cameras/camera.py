@@ -17,7 +17,7 @@ IMAGINARY = 1e-9
 NEWTON_TOLERANCE = 1e-13  # of the unit: 1e-9 px of any camera
 
 
-def distorted(xy: ArrayLike, interior: Array) -> tuple[Array, Array]:
+def distort(xy: ArrayLike, interior: Array) -> tuple[Array, Array]:
     """Return D of (J.3) and its derivative.
 
     Parameters
@@ -47,7 +47,7 @@ def distorted(xy: ArrayLike, interior: Array) -> tuple[Array, Array]:
     return D, dD
 
 
-def undistorted(xy: ArrayLike, interior: Array) -> Array:
+def undistort(xy: ArrayLike, interior: Array) -> Array:
     """Return the points that D of (J.3) takes to `xy`, by Newton's method.
 
     Parameters
@@ -67,7 +67,7 @@ def undistorted(xy: ArrayLike, interior: Array) -> Array:
     out = xy.copy()
     with np.errstate(all="ignore"):  # a point that has no answer runs away, and becomes NaN
         for _ in range(NEWTON_STEPS):
-            D, dD = distorted(out, interior)
+            D, dD = distort(out, interior)
             det = dD[:, 0, 0] * dD[:, 1, 1] - dD[:, 0, 1] * dD[:, 1, 0]
             e = xy - D
             step = np.stack(
@@ -155,10 +155,10 @@ def rays_of(camera: BrownCamera, uv: ArrayLike) -> Array:
     if not camera.backward:
         y = m[:, 1] / f
         ab = np.stack([(m[:, 0] - b2 * y) / (f + b1), y], axis=1)
-        ab = undistorted(ab, camera.interior)
+        ab = undistort(ab, camera.interior)
         return _perspective(ab) if camera.fisheye else ab
     a = np.stack([(1.0 + b1) * m[:, 0] + b2 * m[:, 1], m[:, 1]], axis=1) / camera.unit_px
-    out = camera.unit_px / f * distorted(a, camera.interior)[0]
+    out = camera.unit_px / f * distort(a, camera.interior)[0]
     out[(a * a).sum(axis=1) >= fold_radius(camera.interior) ** 2] = np.nan
     return out
 
@@ -187,7 +187,7 @@ def pixels_of(camera: BrownCamera, xy: ArrayLike) -> Array:
     f, cx, cy, b1, b2 = camera.interior[:5]
     if not camera.backward:
         xy = equidistant(xy)[0] if camera.fisheye else xy
-        D = distorted(xy, camera.interior)[0]
+        D = distort(xy, camera.interior)[0]
         D[(xy * xy).sum(axis=1) >= fold_radius(camera.interior) ** 2] = np.nan
         return np.stack([cx + (f + b1) * D[:, 0] + b2 * D[:, 1], cy + f * D[:, 1]], axis=1)
     if not 1.0 + b1 > 0.0:
@@ -195,5 +195,5 @@ def pixels_of(camera: BrownCamera, xy: ArrayLike) -> Array:
             f"camera {camera.name}: b1 {b1:g} makes the width of its pixels zero or negative;"
             " correct b1"
         )
-    a = camera.unit_px * undistorted(f / camera.unit_px * xy, camera.interior)
+    a = camera.unit_px * undistort(f / camera.unit_px * xy, camera.interior)
     return np.stack([cx + (a[:, 0] - b2 * a[:, 1]) / (1.0 + b1), cy + a[:, 1]], axis=1)

@@ -290,7 +290,7 @@ def number_shades(ax: Any, shades: Sequence[Shade], size: float) -> None:
         )
 
 
-def named(panel: Panel) -> list[tuple[str, Ink, str]]:
+def legend_entries(panel: Panel) -> list[tuple[str, Ink, str]]:
     """Return what the legend of a panel has: name, ink and kind of each layer with a name.
 
     Parameters

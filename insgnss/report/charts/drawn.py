@@ -21,7 +21,7 @@ from .artists import (
     draw_background,
     draw_layer,
     draw_shades,
-    named,
+    legend_entries,
     number_shades,
 )
 from .chart import Array, Chart, Layer, Panel
@@ -433,7 +433,7 @@ def _legends(chart: Chart) -> list[Keys]:
     keys: list[Keys] = []
     last_keys: Keys = []
     for k, panel in enumerate(chart.panels):
-        shown: Keys = list({key[0]: key for key in reversed(named(panel))}.values())[::-1]
+        shown: Keys = list({key[0]: key for key in reversed(legend_entries(panel))}.values())[::-1]
         keys.append([*(shades if k == 0 else []), *(shown if shown != last_keys else [])])
         last_keys = shown
     return keys

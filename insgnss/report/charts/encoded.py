@@ -39,7 +39,7 @@ _ARRAYS = ("x", "y", "x2", "y2", "value")
 _UNSAFE_IN_SCRIPT = {ord(c): f"\\u{ord(c):04x}" for c in "<>&'\u2028\u2029"}
 
 
-def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
+def encode_charts(charts: Iterable[Chart], report_sha256: str = "") -> str:
     """Return charts as JSON.
 
     Parameters
@@ -65,7 +65,7 @@ def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
             if value is not None:
                 out[name] = arrays.setdefault(_bytes(value), len(arrays))
                 if out[name] == len(packs):
-                    packs.append(_quantised(value) or packed(value))
+                    packs.append(_quantised(value) or pack_array(value))
         if of.texts:
             out["texts"] = texts.setdefault(tuple(map(str, of.texts)), len(texts))
         return out
@@ -91,8 +91,8 @@ def encoded(charts: Iterable[Chart], report_sha256: str = "") -> str:
     return script_safe(content)
 
 
-def decoded(text: str) -> tuple[Chart, ...]:
-    """Return the charts of a text that `encoded` made; their arrays have the digits of those.
+def decode_charts(text: str) -> tuple[Chart, ...]:
+    """Return the charts of a text that `encode_charts` made; their arrays have the digits of those.
 
     Raises
     ------
@@ -124,10 +124,10 @@ def in_page(page: str) -> tuple[tuple[Chart, ...], str]:
     if match is None:
         raise InputError("the page holds no charts; process the flight again")
     text = match.group(1)
-    return decoded(text), str(json.loads(text)["report_sha256"])
+    return decode_charts(text), str(json.loads(text)["report_sha256"])
 
 
-def packed(x: Array) -> str:
+def pack_array(x: Array) -> str:
     """Return an array as float32, little endian, in base64."""
     return base64.b64encode(_bytes(x)).decode("ascii")
 

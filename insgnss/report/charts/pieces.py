@@ -7,7 +7,7 @@ import numpy as np
 
 from ..marks import Marks
 from .chart import Array, Chart, Ink, Layer, Panel
-from .thinned import MOST_DOTS, thinned
+from .thinned import MOST_DOTS, thin_layer
 
 
 def length_unit(typical: float) -> tuple[float, str]:
@@ -17,17 +17,17 @@ def length_unit(typical: float) -> tuple[float, str]:
 
 def line(x: Array, y: Array, name: str = "", ink: Ink = "first", **look: Any) -> Layer:
     """A line, thinned to its extremes."""
-    return thinned(Layer("line", x, y, name, ink, **look))
+    return thin_layer(Layer("line", x, y, name, ink, **look))
 
 
 def band(x: Array, centre: Array, half_width: Array, name: str = "", ink: Ink = "first") -> Layer:
     """The area centre +- half_width, thinned to the extremes of its edges."""
-    return thinned(Layer("band", x, centre - half_width, name, ink, y2=centre + half_width))
+    return thin_layer(Layer("band", x, centre - half_width, name, ink, y2=centre + half_width))
 
 
 def dots(x: Array, y: Array, name: str = "", ink: Ink = "first", **look: Any) -> Layer:
     """Points of which those that lie farthest out are kept where there are too many."""
-    return thinned(Layer("points", x, y, name, ink, **look), MOST_DOTS)
+    return thin_layer(Layer("points", x, y, name, ink, **look), MOST_DOTS)
 
 
 def rules(*y: float, ink: Ink = "ink", dashed: bool = False) -> Layer:

@@ -1,6 +1,6 @@
 """The charts of a run, each with the sentence that says how to read it.
 
-Time runs in minutes since the first epoch. Long lines are thinned to their extremes (`thinned`);
+Time runs in minutes since the first epoch. Long lines are thinned to their extremes (`thin_layer`);
 fixes that were rejected, and the images of the map, are all there.
 """
 
@@ -19,7 +19,7 @@ from ..rules.wording import NED_NAMES
 from . import gnss, support
 from .chart import AXES_INKS, Array, Background, Chart, Ink, Layer, Panel
 from .pieces import dots, length_unit, line, over_time
-from .thinned import MOST_DOTS, MOST_POINTS, thinned
+from .thinned import MOST_DOTS, MOST_POINTS, thin_layer
 
 LONGEST_LABEL = 30  # characters of a label (-): more than this overlaps its neighbours
 _MAP = (
@@ -272,7 +272,7 @@ def _sigmas_by_image(eo: ExteriorOrientation) -> Chart:
         Panel(
             label,
             [
-                thinned(
+                thin_layer(
                     Layer("points", number, sigma[:, column], name, AXES_INKS[colour]), MOST_DOTS
                 )
                 for column, colour, name in ((1, 0, "north"), (0, 1, "east"), (2, 2, "up"))

@@ -44,7 +44,7 @@ def scatter(y: Array, limit: int = MOST_DOTS) -> NDArray[np.int64]:
     return np.union1d(regular, thin(y, limit // 8))
 
 
-def thinned(layer: Layer, limit: int = MOST_POINTS) -> Layer:
+def thin_layer(layer: Layer, limit: int = MOST_POINTS) -> Layer:
     """Return a layer of at most about `limit` points that looks as all of it.
 
     Parameters

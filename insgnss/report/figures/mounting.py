@@ -41,7 +41,7 @@ class Scatter:
     mean_sigma: Array
 
 
-def scattered(
+def scatter_panel(
     data: Scatter, kind: str, title: str, axis_names: tuple[str, str, str] = IMAGE_AXES
 ) -> Chart:
     """Show each estimate minus the mean, with its standard deviation.

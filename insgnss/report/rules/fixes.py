@@ -35,7 +35,7 @@ SHOWN_SHARE = 0.36
 OVERRULED, RANK_UNSUPPORTED = 50.0, 1000.0
 
 
-def judged(consistency: Figures) -> str:
+def consistency_verdict(consistency: Figures) -> str:
     """Return the verdict where it matters.
 
     Within NIS_MATTERS the sigmas agree for all that their user can tell.
@@ -72,7 +72,7 @@ def apart(figures: Figures) -> Iterator[tuple[float, str, str, float]]:
                 yield float(ratio / limit), f"{ratio:.1f} in {state} {axis}", state, float(ratio)
 
 
-def rejected(figures: Figures) -> Iterator[Finding]:
+def rejected_fixes(figures: Figures) -> Iterator[Finding]:
     """Yield the fixes and velocities that the gate rejected.
 
     Fixes that are withheld as incorrect are those of a check, which says why.
@@ -125,7 +125,7 @@ def covariance_resets(figures: Figures) -> Iterator[Finding]:
 def barometer(figures: Figures) -> Iterator[Finding]:
     """Yield heights of a barometer that do not agree with their sigmas."""
     c = figures["consistency"].get("barometer")
-    if c is not None and judged(c) == "overconfident":
+    if c is not None and consistency_verdict(c) == "overconfident":
         text = (
             f"the barometer's heights scatter {c['size']:.2f} times as much as their sigmas"
             " say; the heights of the images may be off by more than their sigmas"
@@ -138,7 +138,7 @@ def nis(figures: Figures) -> Iterator[Finding]:
     """Yield innovations that do not agree with their sigmas (NIS)."""
     for quantity in ("position", "velocity"):
         c = figures["consistency"][quantity]
-        if c is None or judged(c) in ("consistent", "unknown"):
+        if c is None or consistency_verdict(c) in ("consistent", "unknown"):
             continue
         numbers = "NIS {:.2f} per degree of freedom, 99 % bounds {:.3f} to {:.3f}".format(
             c["mean_per_dof"], *c["bounds_99"]
@@ -338,7 +338,7 @@ def checks(figures: Figures) -> Iterator[Finding]:
         "GNSS rate"
     ] * bool(figures["outages"])
     covered += ["fixes minus solution", UNSEEN] + ["IMU gaps"] * bool(figures["imu_gaps"])
-    covered += ["GNSS speed"] * any(rejected(figures))
+    covered += ["GNSS speed"] * any(rejected_fixes(figures))
     for check in figures["checks"]:
         made_up = figures["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (

@@ -28,7 +28,7 @@ BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file
 UNSEEN = "unseen constants"  # check that says how large an error of lever arm or stamps stays so
 
 
-def hidden(figures: Figures) -> list[Finding]:
+def hidden_errors(figures: Figures) -> list[Finding]:
     """Return the errors that the flight's data cannot reveal, each with its effect and remedy."""
     return [] if figures["standing"] else [*_position_notes(figures), *_image_notes(figures)]
 

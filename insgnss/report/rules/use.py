@@ -273,7 +273,7 @@ def _scatter(figures: Figures) -> Iterator[Inflation]:
     """Yield positions and velocities that scatter more than their sigmas."""
     for quantity in ("position", "velocity"):
         consistency = figures["consistency"][quantity]
-        if consistency is not None and fixes.judged(consistency) == "overconfident":
+        if consistency is not None and fixes.consistency_verdict(consistency) == "overconfident":
             scatter = consistency["size"]
             text = (
                 f"the GNSS {'positions' if quantity == 'position' else 'velocities'} scatter"

@@ -15,7 +15,7 @@ from ...records.states import CLOCK_RATE
 from . import accuracy as rules_accuracy
 from . import fixes as rules_fixes
 from . import places as rules_places
-from .fixes import judged
+from .fixes import consistency_verdict
 from .use import USE
 from .wording import Figures, degrees, lengths, millimetres, tilt
 
@@ -39,7 +39,7 @@ Rule = Callable[[Figures], Iterator[Finding]]
 
 ON_FIXES: tuple[Rule, ...] = (
     rules_fixes.residuals,
-    rules_fixes.rejected,
+    rules_fixes.rejected_fixes,
     rules_fixes.covariance_resets,
     rules_fixes.nis,
     rules_fixes.whiteness,
@@ -91,7 +91,7 @@ def headline(figures: Figures) -> str:
         "overconfident": "scatter more than",
         "conservative": "scatter less than",
         "unknown": "do not support",
-    }[judged(figures["consistency"]["position"])]
+    }[consistency_verdict(figures["consistency"]["position"])]
     n, used = fixes["fixes"], fixes["fixes_used"]
     which = f"all {n} GNSS positions" if used == n else f"the {used} GNSS positions used of {n}"
     enlarging = ["GNSS sigmas", *(["incorrect fixes"] if used == n else [])]

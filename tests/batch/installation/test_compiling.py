@@ -13,7 +13,7 @@ from insgnss.base import ahead
 from insgnss.batch.installation import compiling
 
 SCRIPT = Path(__file__).parents[3] / "scripts" / "list_kernels.py"
-LISTED = ahead.listed()
+LISTED = ahead.listed_kernels()
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from test_page_in_browser import PIXELS, browser  # noqa: F401
 
 from insgnss.batch.season.page import charts, page_html, season_document
 from insgnss.batch.season.trends import trends
-from insgnss.batch.season.work import Task, failed
+from insgnss.batch.season.work import Task, failed_outcome
 
 
 @pytest.mark.slow
@@ -29,7 +29,7 @@ def test_it_is_drawn_and_linked(
     rows = [row(k, rng) for k in range(20)]
     for k, one in enumerate(rows):
         one["lever_arm_forward_m"] += 1e-3 * k
-    rows[3] = failed(Task("f003", "f003/flight.toml"), "</script><b>gap", 3, 0.1).row
+    rows[3] = failed_outcome(Task("f003", "f003/flight.toml"), "</script><b>gap", 3, 0.1).row
     judged = trends(rows)
     (tmp_path / "index.html").write_text(
         "".join(page_html(season_document(rows, judged, "20 flights")))

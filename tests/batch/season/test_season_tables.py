@@ -20,7 +20,7 @@ from insgnss.batch.season.row import (
 from insgnss.batch.season.run import _relative, headline, line_of
 from insgnss.batch.season.tables import csv_text, parquet_bytes, read_season
 from insgnss.batch.season.trends import trends
-from insgnss.batch.season.work import Outcome, Task, failed, not_reached
+from insgnss.batch.season.work import Outcome, Task, failed_outcome, not_reached
 
 SPECS = Path(__file__).parents[3] / "data_specs"
 REASON = 'gap, "quoted", <b>& 3 m'
@@ -31,7 +31,7 @@ def rows() -> list:
     made = [row(k, rng) for k in range(12)]
     for k, one in enumerate(made):
         one["lever_arm_forward_m"] += 1e-3 * k
-    made[4] = failed(Task("f004", "f004/flight.toml"), REASON, 3, 0.1).row
+    made[4] = failed_outcome(Task("f004", "f004/flight.toml"), REASON, 3, 0.1).row
     return made
 
 
@@ -128,7 +128,7 @@ def test_lines_say_what_became_of_a_flight() -> None:
         "f1: done, 3 images, 3.0 / 3.0 / 3.0 mm (E, N, U), heading 0.010 deg, doubtful: attitude"
         " (1.2 s)"
     )
-    broken = failed(Task("f2", "x"), "two\nlines", 3, 0.5)
+    broken = failed_outcome(Task("f2", "x"), "two\nlines", 3, 0.5)
     assert line_of(broken) == "f2: failed: two lines (0.5 s)"
     kept = Outcome("f3", "kept", row(3))
     assert headline([done, broken, kept]) == (

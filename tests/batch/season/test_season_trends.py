@@ -5,7 +5,7 @@ import pytest
 from seasons import SIGMA_M, row
 
 from insgnss.batch.season.row import known_from_refusal
-from insgnss.batch.season.trends import FEWEST_FLIGHTS, TREND_QUANTITIES, fit, judged, trends
+from insgnss.batch.season.trends import FEWEST_FLIGHTS, TREND_QUANTITIES, fit, judge_trend, trends
 
 FORWARD = TREND_QUANTITIES[0]
 MM = 1e3 * SIGMA_M
@@ -42,7 +42,7 @@ def test_constants_that_stay_are_left_alone(count: int) -> None:
     days = 4.0 * np.arange(count)
     sigma, names = np.full(count, MM), [""] * count
     found = [
-        judged("w", FORWARD, days, MM * rng.normal(size=count), sigma, names).finding
+        judge_trend("w", FORWARD, days, MM * rng.normal(size=count), sigma, names).finding
         for _ in range(2000)
     ]
     assert set(found) <= {"steady", "drift", "scatter"}
@@ -56,7 +56,7 @@ def test_errors_that_flights_do_not_claim_are_no_drift() -> None:
     rng = np.random.default_rng(5)
     days, sigma = 4.0 * np.arange(20), np.full(20, MM)
     found = [
-        judged("w", FORWARD, days, 3 * MM * rng.normal(size=20), sigma, [""] * 20).finding
+        judge_trend("w", FORWARD, days, 3 * MM * rng.normal(size=20), sigma, [""] * 20).finding
         for _ in range(500)
     ]
     assert found.count("drift") <= 3
@@ -85,7 +85,7 @@ def test_the_power_is_what_sigmas_allow() -> None:
     days, sigma = 4.0 * np.arange(20), np.full(20, MM)
     slope = 6.0 * MM / np.sqrt(np.sum((days - days.mean()) ** 2))
     found = [
-        judged("w", FORWARD, days, slope * days + MM * rng.normal(size=20), sigma, [""] * 20)
+        judge_trend("w", FORWARD, days, slope * days + MM * rng.normal(size=20), sigma, [""] * 20)
         for _ in range(500)
     ]
     assert np.mean([trend.finding == "drift" for trend in found]) > 0.95
@@ -94,7 +94,9 @@ def test_the_power_is_what_sigmas_allow() -> None:
 def test_a_drift_that_does_not_matter_is_none() -> None:
     """Oracle: 2 mm over the season at sigmas of 0.1 mm, below the 5 mm that matter."""
     days, sigma = 4.0 * np.arange(20), np.full(20, 0.1)
-    assert judged("w", FORWARD, days, 2.0 * days / days[-1], sigma, [""] * 20).finding == "steady"
+    assert (
+        judge_trend("w", FORWARD, days, 2.0 * days / days[-1], sigma, [""] * 20).finding == "steady"
+    )
 
 
 def test_too_few_flights_or_one_time_say_nothing() -> None:

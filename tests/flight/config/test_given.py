@@ -13,7 +13,7 @@ from insgnss.flight.config.gnss_options import GnssInput
 from insgnss.flight.config.imu_options import ImuInput
 from insgnss.flight.config.load import load_flight
 from insgnss.io.options.camera_options import CameraInput
-from insgnss.io.options.schema import declared
+from insgnss.io.options.schema import declared_options
 from insgnss.records import CameraEvents, GnssFixes, ImuSamples
 
 IMU, GNSS = {"file": Path("imu.csv")}, {"file": Path("gnss.txt")}
@@ -155,7 +155,7 @@ def test_a_value_that_cannot_be_is_refused_at_construction(table, values, messag
         table(**values)
     assert isinstance(refused.value, UsageError)
     name = next(reversed(values))
-    if name in declared(table) and not declared(table)[name].required:
+    if name in declared_options(table) and not declared_options(table)[name].required:
         table(**{key: value for key, value in values.items() if key != name})
 
 
@@ -229,7 +229,7 @@ def test_what_says_how_to_read_a_file_is_refused_of_a_record(flight, table, chan
 
 def test_values_at_the_ends_of_their_ranges_pass():
     """Oracle: the declared ranges; numbers of numpy are numbers."""
-    for name, item in declared(GnssInput).items():
+    for name, item in declared_options(GnssInput).items():
         if item.kind == "number":
             ends = [x for x in (item.option.low, item.option.high) if np.isfinite(x)]
             for end in ends:

@@ -21,7 +21,7 @@ from insgnss.flight.config.load import load_flight
 from insgnss.flight.config.values import VALUE_READERS, known_keys
 from insgnss.gnss.ppk_options import EngineSettings
 from insgnss.io.options.kinds import OPTION_KINDS, check
-from insgnss.io.options.schema import declared, option, options_of
+from insgnss.io.options.schema import declared_options, option, options_of
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "data_specs" / "flight_file.md"
@@ -90,7 +90,7 @@ def test_every_kind_is_used():
     """Oracle: the declarations, those of the verbs among them."""
     verbs = [importlib.import_module(f"insgnss.cli.{name}") for name in VERBS]
     records = [kind for module in verbs for kind in vars(module).values() if is_dataclass(kind)]
-    of_verbs = {item.kind for kind in records for item in declared(kind).values()}
+    of_verbs = {item.kind for kind in records for item in declared_options(kind).values()}
     assert set(OPTION_KINDS) == {item.kind for _, item, _ in ALL} | of_verbs
     assert set(VALUE_READERS) < set(OPTION_KINDS)
 
@@ -103,7 +103,7 @@ def test_a_type_without_a_reader_is_refused():
         value: complex = option(0j, "no TOML value")
 
     with pytest.raises(TypeError, match="say by kind"):
-        _ = declared(Odd)["value"].kind
+        _ = declared_options(Odd)["value"].kind
 
 
 def test_arguments_are_made_of_the_declarations():

@@ -20,7 +20,7 @@ from PIL import Image
 
 from insgnss.base.errors import InputError, UsageError
 from insgnss.flight.exporting.export import ExportFrame, export, refuse_names
-from insgnss.flight.exporting.rename import read_names, renamed
+from insgnss.flight.exporting.rename import read_names, rename_images
 from insgnss.io.formats import EXPORTS, read_events
 from insgnss.io.formats.events.events import write_events
 from insgnss.io.formats.orientation.eo_json import read_eo_json
@@ -181,14 +181,14 @@ def test_rules_of_other_names(tmp_path: Path) -> None:
     table = tmp_path / "names.csv"
     table.write_text('# of May\nold,new\n"IMG 0001 (1).jpg",1.jpg\nother.jpg,2.jpg\n')
     eo = flight()
-    assert renamed(eo, [table])[0].images == ("1.jpg", *NAMES[1:])
-    assert renamed(eo, [f"{NAMES[2]}=x=y.jpg", str(table)])[1] == {
+    assert rename_images(eo, [table])[0].images == ("1.jpg", *NAMES[1:])
+    assert rename_images(eo, [f"{NAMES[2]}=x=y.jpg", str(table)])[1] == {
         NAMES[0]: "1.jpg",
         NAMES[2]: "x=y.jpg",
     }
     folders = replace(eo, images=("a/1.jpg", "a\\2.jpg", "3.jpg"))
-    assert renamed(folders, ["basename"])[0].images == ("1.jpg", "2.jpg", "3.jpg")
-    assert renamed(eo, [])[0] is eo
+    assert rename_images(folders, ["basename"])[0].images == ("1.jpg", "2.jpg", "3.jpg")
+    assert rename_images(eo, [])[0] is eo
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_rules_that_are_none(
     if text:
         Path(rule).write_text(text)
     with pytest.raises((UsageError, InputError), match=re.escape(message)):
-        renamed(flight(), [rule])
+        rename_images(flight(), [rule])
 
 
 def test_two_images_get_no_name_in_common(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from insgnss.flight.config.load import load_flight
 from insgnss.flight.inspection.run import inspect_files
 from insgnss.flight.processing.recording import read_recording
 from insgnss.io.formats import read_imu
-from insgnss.io.formats.imu.apart import joined
+from insgnss.io.formats.imu.apart import join_sensors
 from insgnss.records import ImuSamples
 
 
@@ -37,7 +37,7 @@ def mean_force(t, step):
 
 def test_same_stamps_are_put_side_by_side():
     t = 100.0 + 0.01 * np.arange(500)
-    samples = joined(half(t), half(t, gyro=False))
+    samples = join_sensors(half(t), half(t, gyro=False))
     assert np.array_equal(samples.accel, motion(t)[1])
     assert np.array_equal(samples.gyro, motion(t)[0])
     assert not samples.notes
@@ -49,7 +49,7 @@ def test_other_stamps_keep_the_integral_of_the_forces():
     """
     t, own = 100.0 + 0.01 * np.arange(1000), 100.0023 + 0.005 * np.arange(-4, 2004)
     accel = ImuSamples(own, np.zeros((own.size, 3)), mean_force(own, 0.005), "mean_rate", 2000)
-    samples = joined(half(t), accel)
+    samples = join_sensors(half(t), accel)
     assert samples.time.size >= t.size - 1
     assert np.abs(samples.accel - mean_force(samples.time, 0.01)).max() < 2e-5
     (note,) = samples.notes
@@ -58,7 +58,7 @@ def test_other_stamps_keep_the_integral_of_the_forces():
 
 def test_rates_at_an_instant_are_interpolated():
     t, own = 100.0 + 0.01 * np.arange(1000), 99.9913 + 0.005 * np.arange(2010)
-    samples = joined(half(t, quantity="instant_rate"), half(own, False, "instant_rate"))
+    samples = join_sensors(half(t, quantity="instant_rate"), half(own, False, "instant_rate"))
     assert np.abs(samples.accel - motion(samples.time)[1]).max() < 1e-5
 
 
@@ -69,7 +69,7 @@ def test_where_the_accelerometers_lack_the_imu_has_a_gap():
     t = 100.0 + 0.01 * np.arange(1000)
     own = 100.0023 + 0.01 * np.arange(-2, 1002)
     own = own[(own < 104.0) | (own > 105.0)]
-    samples = joined(half(t), half(own, gyro=False))
+    samples = join_sensors(half(t), half(own, gyro=False))
     missing = np.setdiff1d(np.round(t, 6), np.round(samples.time, 6))
     assert 99 <= missing[missing > 101.0].size <= 103
     assert missing[missing > 101.0].min() > 103.98
@@ -80,9 +80,9 @@ def test_where_the_accelerometers_lack_the_imu_has_a_gap():
 def test_recordings_that_do_not_overlap_are_refused():
     t = 100.0 + 0.01 * np.arange(1000)
     with pytest.raises(InputError, match="must be of one recording and one clock"):
-        joined(half(t), half(t + 8.0, gyro=False))
+        join_sensors(half(t), half(t + 8.0, gyro=False))
     with pytest.raises(InputError, match="its increments have other stamps"):
-        joined(half(t, quantity="increments"), half(t + 0.001, False, "increments"))
+        join_sensors(half(t, quantity="increments"), half(t + 0.001, False, "increments"))
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from batch_least_squares import batch
 from posed import cross_covariance
 
-from insgnss.flight.reference.linear import LinearProblem, filtered, smoothed
+from insgnss.flight.reference.linear import LinearProblem, kalman_filter, rts_smoother
 
 EPOCHS, STATES = 12, 3
 
@@ -77,7 +77,7 @@ def test_smoother_and_batch_are_the_conditional_distribution(problem):
     matrix equation.
     """
     mean, P = normal_equations(problem)
-    smooth, least_squares = smoothed(problem, filtered(problem)), batch(problem)
+    smooth, least_squares = rts_smoother(problem, kalman_filter(problem)), batch(problem)
     sigma = np.sqrt(np.diag(P)).reshape(EPOCHS, STATES)
     for estimate in (smooth.mean, least_squares.mean):
         assert np.abs((estimate - mean.reshape(EPOCHS, STATES)) / sigma).max() < 1e-9
@@ -91,7 +91,7 @@ def test_smoother_and_batch_are_the_conditional_distribution(problem):
 
 def test_filter_is_the_smoother_of_what_came_before(problem):
     """Oracle: batch least squares of the problem cut after each epoch."""
-    found = filtered(problem)
+    found = kalman_filter(problem)
     for k in range(3, EPOCHS):
         cut = LinearProblem(
             problem.mean,
@@ -118,7 +118,7 @@ def test_filterpys_function_of_the_same_name_would_be_wrong(problem):
     flat = LinearProblem(
         problem.mean, problem.P, problem.Phi, problem.Q, 0.0 * problem.gap, problem.measured
     )
-    right = filtered(flat)
+    right = kalman_filter(flat)
     mean, *_ = rts_smoother(right.mean[..., None], right.P, flat.Phi, flat.Q)
     expected = batch(flat)
     sigma = np.sqrt([np.diag(expected.covariance(k, k)) for k in range(EPOCHS)])

@@ -9,7 +9,7 @@ from photographs import photograph
 from insgnss.base.errors import InputError
 from insgnss.io.exposures.images import image_names, image_times
 from insgnss.io.exposures.naming import ImageMatch, named
-from insgnss.io.formats.events.events import numbered
+from insgnss.io.formats.events.events import numbered_names
 from insgnss.records import CameraEvents
 
 
@@ -96,7 +96,7 @@ def stamped(path: Path, text: str, fraction: str = "") -> None:
 
 def exposed(times):
     """Events with numbers alone."""
-    names, told = numbered(len(times))
+    names, told = numbered_names(len(times))
     return CameraEvents(names, 1000.0 + np.asarray(times), 2008, "rover.rnx", (told,))
 
 

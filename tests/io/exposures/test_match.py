@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.base.errors import InputError, UsageError
 from insgnss.io.exposures.clocks import match_clocks, misfit
-from insgnss.io.exposures.match import delayed, name_events
+from insgnss.io.exposures.match import delay_events, name_events
 from insgnss.io.formats import read_events
-from insgnss.io.formats.events.events import numbered
+from insgnss.io.formats.events.events import numbered_names
 from insgnss.records import CameraEvents, Check
 
 TOW = 4 * 86400 + 43200.0
@@ -20,13 +20,13 @@ NAMES = tuple(f"DSC{k:05d}.JPG" for k in range(101, 161))
 
 def flown(shots, *notes):
     """Events with numbers alone at the shots."""
-    names, told = numbered(len(shots))
+    names, told = numbered_names(len(shots))
     return CameraEvents(names, TOW + np.asarray(shots), 2021, "rover.rnx", (*notes, told))
 
 
 def test_events_get_the_names_in_order_and_the_delay():
     """Oracle: what was written; a delay of 12.5 ms moves every instant by 12.5 ms."""
-    found = delayed(name_events(flown(SHOTS), NAMES), 0.0125)
+    found = delay_events(name_events(flown(SHOTS), NAMES), 0.0125)
     assert found.images == NAMES
     assert found.gps_week == 2021
     assert_allclose(found.time, TOW + SHOTS + 0.0125, rtol=0.0, atol=1e-9)
@@ -184,7 +184,7 @@ def test_what_cannot_be_is_refused(options, error, message):
 def test_a_delay_that_is_none_is_refused(delay):
     """Oracle: the limit of 10 s."""
     with pytest.raises(UsageError, match="give it in seconds"):
-        delayed(flown(SHOTS), delay)
+        delay_events(flown(SHOTS), delay)
 
 
 def test_events_of_other_files_are_matched_by_the_same_rules(tmp_path):
@@ -201,7 +201,7 @@ def test_events_of_other_files_are_matched_by_the_same_rules(tmp_path):
         ),
     ):
         name_events(events, names)
-    found = delayed(name_events(events, names, skip_events=[8]), -0.05)
+    found = delay_events(name_events(events, names, skip_events=[8]), -0.05)
     assert (found.images, found.gps_week) == (names, 2021)
     assert_allclose(found.time, TOW + np.delete(SHOTS, 7) - 0.05, rtol=0.0, atol=1e-7)
 

@@ -23,7 +23,7 @@ from insgnss.io.formats.blocks.image_points import (
     read_image_points,
     write_image_points,
 )
-from insgnss.io.formats.blocks.joined import joined
+from insgnss.io.formats.blocks.joined import join_block
 from insgnss.io.formats.blocks.measured_block import of_table
 from insgnss.records.block import INTERIOR, BrownCamera, GroundPoints, ImageObservations
 
@@ -260,7 +260,7 @@ def test_tables_are_joined_by_names() -> None:
         np.tile(np.eye(3), (3, 1, 1)),
         np.array([True, False, False]),
     )
-    block = joined(of_table(seen, camera(f=5600.0)), ground).block
+    block = join_block(of_table(seen, camera(f=5600.0)), ground).block
     assert block.points == ("t", "g", "c")
     assert block.control.point.tolist() == [1]
     assert block.control.position_m.tolist() == [[6.0, 7.0, 8.0]]
@@ -269,7 +269,7 @@ def test_tables_are_joined_by_names() -> None:
     with pytest.raises(
         InputError, match="no ground point is measured in any image: 'c' is missing"
     ):
-        joined(of_table(measured(("a", "t", 1.0, 2.0)), camera(f=5600.0)), ground)
+        join_block(of_table(measured(("a", "t", 1.0, 2.0)), camera(f=5600.0)), ground)
 
 
 @pytest.mark.parametrize("pixel", [(-12.0, 5.0), (5121.5, 5.0), (5.0, 3842.0)])
@@ -278,7 +278,9 @@ def test_what_lies_beside_the_image_is_refused(pixel) -> None:
     with pytest.raises(
         InputError, match=re.escape("lies outside the image of 5120 x 3840 pixels (1 of 2")
     ):
-        joined(of_table(measured(("a", "t", 0.0, 3840.0), ("b", "t", *pixel)), camera(f=5600.0)))
+        join_block(
+            of_table(measured(("a", "t", 0.0, 3840.0), ("b", "t", *pixel)), camera(f=5600.0))
+        )
 
 
 def test_names_that_need_quotation_marks_and_those_that_no_table_holds(tmp_path) -> None:

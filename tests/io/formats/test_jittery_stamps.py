@@ -5,7 +5,7 @@ import pytest
 
 from insgnss.base.errors import InputError
 from insgnss.io.formats import read_imu
-from insgnss.io.formats.text.stamps import unrepeated, without_jitter
+from insgnss.io.formats.text.stamps import without_jitter, without_repetitions
 
 N = 12000
 CLEAN = 200000.0 + 0.01 * np.arange(N)
@@ -28,7 +28,7 @@ HANDED_OVER = {
 @pytest.mark.parametrize("kind", HANDED_OVER)
 def test_every_sample_is_kept_and_spread(kind):
     """Oracle: the instants before the logger delayed their stamps, but for its mean delay."""
-    time, repeat_notes = unrepeated(HANDED_OVER[kind])
+    time, repeat_notes = without_repetitions(HANDED_OVER[kind])
     spread, notes = without_jitter(time)
     clean = (CLEAN - CLEAN[0]) / 1.2 if kind == "coarse clock" else CLEAN
     assert np.std(spread - clean) < 0.4e-3
@@ -66,7 +66,7 @@ def test_uneven_sensors_and_two_sensors_in_one_file_stay():
         np.repeat(CLEAN, 3),
         np.concatenate([CLEAN, CLEAN]),
     ):
-        spread, notes = without_jitter(unrepeated(stamps)[0])
+        spread, notes = without_jitter(without_repetitions(stamps)[0])
         assert spread is stamps
         assert notes == ()
 

@@ -36,7 +36,7 @@ from insgnss.io.formats.blocks.measured_block import MeasuredBlock, image_points
 from insgnss.io.formats.blocks.metashape_block import read_metashape_block
 from insgnss.io.formats.blocks.metashape_chunk import read_metashape_references
 from insgnss.io.formats.blocks.opensfm_model import read_opensfm_model
-from insgnss.io.formats.blocks.reading import FORMATS, read_measured_block, recognised
+from insgnss.io.formats.blocks.reading import FORMATS, read_measured_block, recognise_format
 from insgnss.records.cameras.camera import pixels_of
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -63,7 +63,7 @@ def test_metashape(kind, tmp_path):
     made = Metashape()
     path = getattr(made, f"write_{kind}")(tmp_path / f"a project.{kind}")
     block = read_measured_block(path)
-    assert recognised(path) == "metashape"
+    assert recognise_format(path) == "metashape"
     names = [*SCENE.names[:5], *(f"T{p}" for p in range(5, 9))]
     assert np.abs(residuals(block, names, POINTS_ECEF)).max() < CLOSE_PX
     assert block.measured.images == SCENE.eo.images
@@ -390,7 +390,7 @@ def test_colmap(model, tmp_path):
         assert len(block.measured.observations) == len(seen)
         assert set(block.measured.observations.sigma_px.ravel()) == {0.7}
         assert block.local
-    assert recognised(tmp_path / "text" / "images.txt") == "colmap"
+    assert recognise_format(tmp_path / "text" / "images.txt") == "colmap"
 
 
 def test_what_colmap_cannot_give(tmp_path):

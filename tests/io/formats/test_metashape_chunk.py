@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError
-from insgnss.io.formats.blocks.joined import matched
+from insgnss.io.formats.blocks.joined import match_names
 from insgnss.io.formats.blocks.metashape_block import read_metashape_block
 from insgnss.io.formats.blocks.metashape_chunk import read_metashape_references
 from insgnss.io.formats.returned.projects import read_metashape_xml
@@ -101,5 +101,8 @@ def test_equal_labels_of_a_rig_go_by_their_sensors(tmp_path):
     assert_allclose(got.position, plain.position)
     assert [read_metashape_block(path).measured.images[k] for k in (0, 2)] == names
     stem = first.partition(".")[0].lower()
-    assert matched([f"raw/{name}/{stem}.jpg" for name in sensors], got.images).tolist() == [0, 2]
-    assert matched([f"{stem}.jpg"], got.images).tolist() == [-1]
+    assert match_names([f"raw/{name}/{stem}.jpg" for name in sensors], got.images).tolist() == [
+        0,
+        2,
+    ]
+    assert match_names([f"{stem}.jpg"], got.images).tolist() == [-1]

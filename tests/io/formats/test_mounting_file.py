@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError
-from insgnss.flight.config.load import load_flight, remounted
+from insgnss.flight.config.load import load_flight, with_mounting_file
 from insgnss.io.formats.orientation.mounting_file import (
     MountingFile,
     mounting_text,
@@ -94,7 +94,7 @@ def test_a_flight_takes_what_the_file_determines_and_nothing_else(flight, tmp_pa
     assert json.loads(json.dumps(resolved, allow_nan=False)) == resolved
     (source,) = resolved["mounting_files"]
     assert (source["file"], source["made"]["date"]) == ("mounting.toml", "2018-07-06")
-    again = remounted(flight(own.partition("\n")[2]), tmp_path / "mounting.toml")
+    again = with_mounting_file(flight(own.partition("\n")[2]), tmp_path / "mounting.toml")
     for key in ("mounting", "camera"):
         assert again.resolved()[key] == resolved[key]
 

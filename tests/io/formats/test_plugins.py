@@ -8,7 +8,7 @@ import pytest
 import insgnss
 import insgnss.flight.config.imu_options  # registers the kind of option "axes"
 from insgnss.base.errors import UsageError
-from insgnss.base.received.plugins import installed
+from insgnss.base.received.plugins import installed_plugins
 from insgnss.flight.sensors.kinds import kinds, read_measurement
 from insgnss.flight.sensors.options import SHIPPED, MeasurementInput
 from insgnss.flight.sensors.shipped import KINDS
@@ -57,10 +57,10 @@ def installed_package(root: Path, monkeypatch: pytest.MonkeyPatch, entries: str)
 
 @pytest.fixture(autouse=True)
 def asked_anew():
-    for cached in (installed, kinds):
+    for cached in (installed_plugins, kinds):
         cached.cache_clear()
     yield
-    for cached in (installed, kinds):
+    for cached in (installed_plugins, kinds):
         cached.cache_clear()
 
 
@@ -120,7 +120,7 @@ def test_a_flight_is_processed_from_an_installed_format(tmp_path, monkeypatch):
     flight = root / "flight.toml"
     expected = insgnss.process(flight, write=False)
     installed_package(tmp_path, monkeypatch, ENTRIES)
-    installed.cache_clear()
+    installed_plugins.cache_clear()
     text = flight.read_text()
     table = next(line for line in text.splitlines() if line.startswith("file = "))
     file = root / table.split('"')[1]

@@ -6,7 +6,7 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.io.formats import read_gnss, read_imu
 from insgnss.io.formats.text.dates import seconds_of_dates
-from insgnss.io.formats.text.stamps import spread_evenly, unrepeated
+from insgnss.io.formats.text.stamps import spread_evenly, without_repetitions
 
 
 def wandering(rate_hz, n=20000, drift=2e-6):
@@ -52,7 +52,7 @@ def test_rows_that_contradict_each_other_are_no_rounded_stamps():
     stamps = np.round(20.0 + 0.01 * np.arange(6000), 2)
     for rows in (stamps, np.delete(stamps, 3000)):
         again = np.insert(rows, 4500, rows[4500])
-        assert unrepeated(again)[0] is again
+        assert without_repetitions(again)[0] is again
         assert spread_evenly(again)[0] is again
 
 

@@ -16,7 +16,7 @@ from insgnss.geodesy.rotation import (
     vector_from_rotation,
 )
 from insgnss.navigation.align.coarse import coarse_attitudes, solve_window
-from insgnss.navigation.align.initial import _reversed, given_attitude, initial_state
+from insgnss.navigation.align.initial import _reverse_problem, given_attitude, initial_state
 from insgnss.navigation.filter.kernels.strapdown import run_strapdown
 from insgnss.navigation.filter.problem import InitialState
 from insgnss.navigation.filter.solution import solve
@@ -248,7 +248,7 @@ def test_motion_read_backwards_returns_to_its_start():
     flown = fly(30.0, seed=3, noise=None)
     problem = flown.problem
     forward = free_inertial(problem.inc, problem.frame, flown.true_nav([0])[0])
-    back = _reversed(problem, forward.shape[0] - 1)
+    back = _reverse_problem(problem, forward.shape[0] - 1)
     turned = forward[-1].copy()
     turned[3:6] *= -1.0
     out = np.empty_like(forward)
@@ -289,7 +289,9 @@ def test_smoother_read_backwards_is_the_smoother(velocity):
     smoothed = solve(problem, InitialState(truth[0], np.zeros(n - 9), np.zeros(n), P), "on")
     end = truth[-1].copy()
     end[3:6] *= -1.0
-    back = solve(_reversed(problem, last), InitialState(end, np.zeros(n - 9), np.zeros(n), P), "on")
+    back = solve(
+        _reverse_problem(problem, last), InitialState(end, np.zeros(n - 9), np.zeros(n), P), "on"
+    )
     reversed_nav = back.nav[::-1].copy()
     reversed_nav[:, 3:6] *= -1.0
     sigma = np.sqrt(np.diagonal(smoothed.nav_covariance(), axis1=1, axis2=2))

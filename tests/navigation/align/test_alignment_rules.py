@@ -16,7 +16,7 @@ from insgnss.navigation.align.coarse import _attitude_cov, _robust_wahba, _unste
 from insgnss.navigation.align.coarse import _candidates as coarse_candidates
 from insgnss.navigation.align.initial import _aligned_window, _coarse_start, _first_velocity, _start
 from insgnss.navigation.align.standing import StandingAttitude, longest_rest
-from insgnss.navigation.align.turn_on import _mean, _updated
+from insgnss.navigation.align.turn_on import _kalman_update, _mean
 from insgnss.navigation.filter.codes import ZUPT
 
 
@@ -33,7 +33,7 @@ def taken(monkeypatch, windows, standing=None):
     monkeypatch.setattr(
         initial, "_candidates", lambda *_: ((k, one, None) for k, one in enumerate(windows))
     )
-    monkeypatch.setattr(initial, "_estimated", lambda one, _: one)
+    monkeypatch.setattr(initial, "_estimate_window", lambda one, _: one)
     return _aligned_window(None)[0]
 
 
@@ -276,9 +276,9 @@ def test_a_window_that_rejects_its_fixes_is_solved_with_all_of_them(monkeypatch)
         return "solved"
 
     monkeypatch.setattr(initial, "solve", solve)
-    assert initial._estimated(Window(), "start") == "solved"
+    assert initial._estimate_window(Window(), "start") == "solved"
     assert tried == [(14.0, np.inf), (np.inf, 16.0)]
-    assert initial._estimated(Window(), "hopeless") is None
+    assert initial._estimate_window(Window(), "hopeless") is None
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -331,7 +331,7 @@ def test_the_update_of_a_bias_is_that_of_information(rows) -> None:
     root = rng.normal(size=(rows, rows))
     R = root @ root.T + 0.5 * np.eye(rows)
     expected = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.solve(R, H))
-    x, cov = _updated(P, H, z, R)
+    x, cov = _kalman_update(P, H, z, R)
     assert_allclose(cov, expected, atol=1e-12)
     assert_allclose(x, expected @ H.T @ np.linalg.solve(R, z), atol=1e-12)
 

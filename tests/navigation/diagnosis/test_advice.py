@@ -15,7 +15,7 @@ from insgnss.navigation.diagnosis.advice import (
     FixClaims,
     advice,
     swing_check,
-    unseen,
+    unseen_constants,
     variance_check,
 )
 from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
@@ -243,12 +243,12 @@ def test_an_offset_that_the_exposures_share_costs_them_nothing():
     evidence = ConstantsEvidence(
         states, wide, np.zeros(4), np.diag((wide / known) ** 2), np.zeros(4)
     )
-    own = unseen(flight, evidence)
+    own = unseen_constants(flight, evidence)
     assert own is not None
     assert "not reveal errors of GNSS time offset below 20 ms: " in own.found
     assert own.found.endswith("moves the images by up to 200 mm along track")
     assert own.verdict == "note"
-    shared = unseen(flight, evidence, events_with_fixes=True)
+    shared = unseen_constants(flight, evidence, events_with_fixes=True)
     assert shared is not None
     assert shared.found.endswith(
         "the offset moves no image, since exposures and fixes have the same clock"
@@ -307,7 +307,7 @@ def test_what_a_flight_would_not_show_is_said(forward_m, position_m, hidden):
     constants: Any = SimpleNamespace(requested=(), exact=(), known_to=lambda: alone)
     P = np.diag([position_m**2] * 3)[None]
     solution = SimpleNamespace(nav=SOLUTION.nav, time=SOLUTION.time, nav_covariance=lambda: P)
-    check = unseen(solution, constants)
+    check = unseen_constants(solution, constants)
     assert check is not None
     if hidden is None:
         assert check.verdict == "ok"

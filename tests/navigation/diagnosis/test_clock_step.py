@@ -17,8 +17,8 @@ from insgnss.navigation.diagnosis.candidates import (
     with_layout,
 )
 from insgnss.navigation.diagnosis.clock_step import ClockStep, find_clock_step, step_check
-from insgnss.navigation.diagnosis.clock_step import _bridged as bridged
-from insgnss.navigation.diagnosis.clock_step import _moved as moved_fixes
+from insgnss.navigation.diagnosis.clock_step import _insert_lost_time as bridged
+from insgnss.navigation.diagnosis.clock_step import _move_fixes as moved_fixes
 from insgnss.navigation.filter.epochs import make_epochs
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
 from insgnss.navigation.filter.solution import solve

@@ -12,7 +12,7 @@ from insgnss.navigation.diagnosis.candidates import (
     AS_STATED,
     ErrorModel,
     ImuErrors,
-    widened,
+    widen_layout,
     with_constants,
     with_every_constant,
 )
@@ -21,7 +21,7 @@ from insgnss.navigation.diagnosis.constants import (
     ConstantsEvidence,
     constants_evidence,
 )
-from insgnss.navigation.diagnosis.estimated import combined
+from insgnss.navigation.diagnosis.estimated import combine_estimates
 from insgnss.navigation.filter.codes import NOT_MEASURED, POSITION_ROW
 from insgnss.navigation.filter.filter import make_history, run_filter
 from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layout
@@ -263,7 +263,7 @@ def test_one_axis_that_is_wrong_is_estimated_alone(clean, row, column, axis):
     tilt = [
         np.sqrt(np.median(solve(*wider, "off", separations=0).nav_covariance()[:, 6, 6]))
         for one in (NOTHING, model)
-        for wider in [widened(problem, start, layout(one))]
+        for wider in [widen_layout(problem, start, layout(one))]
     ]
     assert tilt[1] < 1.5 * tilt[0]
 
@@ -324,7 +324,7 @@ def test_estimates_of_a_flight_alone_are_those_of_its_information() -> None:
     assert [one.state for one in estimates] == list(states)
     assert [one.value for one in estimates[:3]] == pytest.approx(expected[:3])
     assert [one.sigma for one in estimates[:3]] == pytest.approx(sigma[:3])
-    same = combined([estimates, estimates])
+    same = combine_estimates([estimates, estimates])
     assert [one.value for one in same] == pytest.approx([one.value for one in estimates])
     assert [one.sigma * 2**0.5 for one in same] == pytest.approx([one.sigma for one in estimates])
     blind = ConstantsEvidence(states, wide, stated, np.zeros((4, 4)), np.zeros(4))
@@ -352,7 +352,7 @@ def test_segments_that_differ_have_a_mean_that_is_known_no_better() -> None:
     variance 0.8 ms^2: a sigma of 8 ms; three that agree have the sigma of their weights.
     """
     apart = [[Estimate(TIME_OFFSET, -10.0, 1.0)], [Estimate(TIME_OFFSET, -30.0, 2.0)]]
-    (one,) = combined(apart)
+    (one,) = combine_estimates(apart)
     assert (one.value, one.sigma) == pytest.approx((-14.0, 8.0))
-    (same,) = combined([*[[Estimate(TIME_OFFSET, -10.0, 3.0)]] * 3, []])
+    (same,) = combine_estimates([*[[Estimate(TIME_OFFSET, -10.0, 3.0)]] * 3, []])
     assert (same.value, same.sigma) == pytest.approx((-10.0, 3.0**0.5))

@@ -134,7 +134,7 @@ def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, 
     monkeypatch.setattr(decision, "follows", lambda _: True)
     search = SimpleNamespace(progress=lambda _: None, solved=lambda *_: next(left))
     here = decision.Stage(before, ErrorModel(FixErrors()))
-    after = decision._adopted(search, None, here, model)
+    after = decision._adopt_slow_error(search, None, here, model)
     assert after.solution is (before if taken is None else solutions[taken])
     if taken is None:
         assert "not adopted" in after.history[0]

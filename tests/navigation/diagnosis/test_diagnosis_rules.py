@@ -33,7 +33,7 @@ from insgnss.navigation.diagnosis.evidence import (
 )
 from insgnss.navigation.diagnosis.sensitivity import Sensitivity
 from insgnss.navigation.diagnosis.time_correlated import _towards_claim
-from insgnss.navigation.diagnosis.variances import VarianceSearch, _averaged, _promise
+from insgnss.navigation.diagnosis.variances import VarianceSearch, _average_shares, _promise
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import FixErrors
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
@@ -281,7 +281,9 @@ def test_when_a_slow_error_is_carried(monkeypatch, gain) -> None:
     }
     gains[0.5, 60.0] = gain  # what is looked at first
     cost = {key: 100.0 - value for key, value in gains.items()}
-    monkeypatch.setattr(variances_module, "_linearised", lambda part, layout, names: layout)
+    monkeypatch.setattr(
+        variances_module, "_linearise_in_layout", lambda part, layout, names: layout
+    )
     monkeypatch.setattr(
         variances_module,
         "evaluate",
@@ -308,7 +310,7 @@ def test_when_a_slow_error_is_carried(monkeypatch, gain) -> None:
         assert slow is None
         return
     assert slow is not None
-    share, time_s = _averaged(gains, variances_module.SHARES, variances_module.SLOW_S)
+    share, time_s = _average_shares(gains, variances_module.SHARES, variances_module.SLOW_S)
     assert slow.gm_sigma[0] == pytest.approx(share)
     assert slow.correlation_time_s == pytest.approx(time_s)
 
@@ -346,7 +348,7 @@ def test_the_claim_is_left_where_the_likelihood_doubts_it(rise, moves) -> None:
 def test_the_average_over_models_weighs_by_likelihood() -> None:
     """Oracle: (V.3) by hand: two models of one likelihood each, none as probable as both."""
     gains = {(1.0, 20.0): 0.0, (0.5, 100.0): 2.0 * np.log(3.0)}
-    share, time_s = _averaged(gains, {1.0: 0.5, 0.5: 0.5}, {20.0: 1.0, 100.0: 1.0})
+    share, time_s = _average_shares(gains, {1.0: 0.5, 0.5: 0.5}, {20.0: 1.0, 100.0: 1.0})
     w = np.array([0.5, 1.5]) / 3.0
     square = w @ [1.0, 0.25]
     assert share == pytest.approx(np.sqrt(square))
@@ -382,7 +384,7 @@ def next_state(
     delays = [] if delay is None else [SimpleNamespace(evidence=delay)]
     monkeypatch.setattr(decision, "_of_lost_fixes", lambda *_: evidence)
     monkeypatch.setattr(decision, "late_sensors", lambda *_: delays)
-    monkeypatch.setattr(decision, "_corrected", lambda *_: "delay")
+    monkeypatch.setattr(decision, "_without_delay", lambda *_: "delay")
     monkeypatch.setattr(
         decision,
         "_variance",
@@ -563,7 +565,7 @@ def test_what_the_gate_rejects_of_code_solutions() -> None:
         verdict = np.full((12, 5), NOT_MEASURED)
         verdict[:10, :2] = USED
         verdict[:of_position, 0], verdict[:of_velocity, 1] = REJECTED, REJECTED
-        assert time_correlated._rejected(SimpleNamespace(verdict=verdict)) == pytest.approx(
+        assert time_correlated._rejected_share(SimpleNamespace(verdict=verdict)) == pytest.approx(
             expected
         )
 
@@ -590,10 +592,10 @@ def test_when_a_clock_steps(monkeypatch, changes, found) -> None:
     )
     shown = SimpleNamespace(since=3.2, lapse=None, loses_samples=False)
     candidate = shown if changes.get("candidate", True) else None
-    monkeypatch.setattr(clock_step, "widened", lambda problem, start, layout: (problem, start))
+    monkeypatch.setattr(clock_step, "widen_layout", lambda problem, start, layout: (problem, start))
     monkeypatch.setattr(clock_step, "replace", lambda problem, **changes: problem)
     monkeypatch.setattr(clock_step, "_strongest", lambda *_: candidate)
-    monkeypatch.setattr(clock_step, "_refined", lambda *_: (None, 3.2, -0.01, 1e-3))
+    monkeypatch.setattr(clock_step, "_refine_step", lambda *_: (None, 3.2, -0.01, 1e-3))
     monkeypatch.setattr(clock_step, "solve", lambda *_: after)
     monkeypatch.setattr(clock_step, "misfit", lambda one: 0.0 if one is after else gained)
     monkeypatch.setattr(clock_step, "rms_speed", lambda _: changes.get("speed", 10.0))
@@ -708,7 +710,7 @@ def test_what_is_settled_beside_needs_no_pass(monkeypatch) -> None:
     monkeypatch.setattr(decision, "settled_evidence", lambda *_: settled)
     monkeypatch.setattr(decision, "next_state", adopted)
     monkeypatch.setattr(decision, "_clock_step", lambda *_: None)
-    monkeypatch.setattr(decision, "unseen", lambda *_: None)
+    monkeypatch.setattr(decision, "unseen_constants", lambda *_: None)
     few, enough = solved(59), solved(60)
     enough.problem.epochs = SimpleNamespace(time=np.array([0.0, 10.0]))
     assert decision.diagnose(search, None, few).solution is few
@@ -776,7 +778,7 @@ def test_rounds_of_a_fit_of_code_errors(monkeypatch, solutions, fits, scale) -> 
 
     monkeypatch.setattr(time_correlated, "solve", solve)
     monkeypatch.setattr(time_correlated, "with_layout", lambda *_: ())
-    monkeypatch.setattr(time_correlated, "_rejected", lambda share: share)
+    monkeypatch.setattr(time_correlated, "_rejected_share", lambda share: share)
     monkeypatch.setattr(time_correlated, "_maximum", maximum)
     model = FixErrors(unfixed_gm_sigma=1.0, unfixed_white_scale=0.5)
     got = time_correlated._fit(None, None, lambda _: None, model, lambda _: None)

@@ -19,7 +19,7 @@ from insgnss.navigation.diagnosis.variances import (
     SLOW_S,
     VarianceHypothesis,
     VarianceSearch,
-    _averaged,
+    _average_shares,
     with_variances,
 )
 from insgnss.navigation.filter.layout import FixErrors, state_layout
@@ -203,7 +203,7 @@ def slow_error(monkeypatch, gain):
         own = gain(errors.gm_sigma[0] * np.exp(theta[0]), errors.correlation_time_s)
         return SimpleNamespace(cost=1000.0 - own, gradient=np.zeros(2), information=np.eye(2))
 
-    monkeypatch.setattr(variances, "_linearised", lambda _, errors, names: errors)
+    monkeypatch.setattr(variances, "_linearise_in_layout", lambda _, errors, names: errors)
     monkeypatch.setattr(variances, "evaluate", evaluated)
     return VarianceSearch.slow_error(looked, lambda errors: errors, FixErrors())
 
@@ -290,7 +290,7 @@ def test_no_claim_bounds_a_slow_error(monkeypatch, k, c):
     step = SimpleNamespace(gradient=-np.log(1.2) * np.ones(1), information=np.eye(1), cost=50.0)
     code = []
     monkeypatch.setattr(variances, "only_code_fixes", lambda _: bool(code))
-    monkeypatch.setattr(variances, "_linearised", lambda _, errors, names: errors)
+    monkeypatch.setattr(variances, "_linearise_in_layout", lambda _, errors, names: errors)
     monkeypatch.setattr(variances, "evaluate", lambda *_: step)
     fitted = with_time_correlated_error(FixErrors(), k, c, 100.0, 1.5)
     found = VarianceSearch.averaged(looked, lambda errors: errors, fitted)
@@ -314,7 +314,7 @@ def test_a_little_more_evidence_carries_a_little_more():
     """
     grid = [(c, T) for c in SHARES for T in SLOW_S]
     carried = [
-        _averaged({(c, T): gain - 4.0 * np.log(c**2 / T / 0.004) ** 2 for c, T in grid})[0]
+        _average_shares({(c, T): gain - 4.0 * np.log(c**2 / T / 0.004) ** 2 for c, T in grid})[0]
         for gain in np.arange(2.0, 40.0, 2.0)
     ]
     growth = np.diff(np.log(carried))

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss.navigation.filter import blocks, event_chain
 from insgnss.navigation.filter.blocks import BlockwisePasses, record_bytes
 from insgnss.navigation.filter.codes import NAV, POS
-from insgnss.navigation.filter.correction import corrected
+from insgnss.navigation.filter.correction import correct_solution
 from insgnss.navigation.filter.covariances import ChainAgain
 from insgnss.navigation.filter.event_chain import EventChain, common_errors, nodes_of
 from insgnss.navigation.filter.forecast import forecast
@@ -145,11 +145,11 @@ def test_images_correct_a_flight_of_many_events(posed, monkeypatch, block):
     rng = np.random.default_rng(8)
     T = np.tile(np.eye(6, kept.problem.layout.size), (5, 1, 1))
     moment, root = rng.normal(size=(5, 6)), 1e-3 * rng.normal(size=(5, 6, 4))
-    expected = corrected(kept, T, moment, root)
+    expected = correct_solution(kept, T, moment, root)
     monkeypatch.setattr(blocks, "CHAIN_BYTES", 0)
     again = solved(posed, monkeypatch, block, 0, 3)
     assert isinstance(again.chain, ChainAgain)
-    got = corrected(again, T, moment, root)
+    got = correct_solution(again, T, moment, root)
     assert np.abs(got.nav - again.nav).max() > 1e-6
     for name in ("nav", "x", "event_cross"):
         assert_array_equal(getattr(got, name), getattr(expected, name))

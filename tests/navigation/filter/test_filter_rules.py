@@ -19,7 +19,7 @@ from insgnss.navigation.filter.codes import (
     ZUPT,
 )
 from insgnss.navigation.filter.epochs import _error_unit, unfixed_solutions, with_nhc, with_zupt
-from insgnss.navigation.filter.event_chain import EventTransitions, _whitened, nodes_of
+from insgnss.navigation.filter.event_chain import EventTransitions, _whiten_cross, nodes_of
 from insgnss.navigation.filter.event_clock import _means
 from insgnss.navigation.filter.filter import (
     history_room,
@@ -29,7 +29,7 @@ from insgnss.navigation.filter.filter import (
 )
 from insgnss.navigation.filter.kernels.transitions import event_transitions
 from insgnss.navigation.filter.layout import FixErrors, state_layout
-from insgnss.navigation.filter.smoother import diagonal, unpacked
+from insgnss.navigation.filter.smoother import diagonal, unpack_triangles
 from insgnss.navigation.filter.solution import (
     _kept_rows,
     _nonlinear,
@@ -159,10 +159,10 @@ def test_whitened_errors_have_the_covariance_of_their_nodes() -> None:
     rng = np.random.default_rng(1)
     root, cross = rng.normal(size=(4, 4)), rng.normal(size=(7, 4))
     cov = root @ root.T
-    A = _whitened(cross, cov)
+    A = _whiten_cross(cross, cov)
     assert_allclose(A @ A.T, cross @ np.linalg.solve(cov, cross.T))
     same = np.ones((2, 2))
-    A = _whitened(np.ones((1, 2)), same)
+    A = _whiten_cross(np.ones((1, 2)), same)
     assert_allclose(A @ A.T, 1.0, rtol=1e-4)
 
 
@@ -173,7 +173,7 @@ def test_triangles_are_symmetric_matrices(n) -> None:
     P = rng.normal(size=(3, n, n))
     P = P + np.swapaxes(P, 1, 2)
     packed = P[(slice(None), *np.tril_indices(n))]
-    assert_array_equal(unpacked(packed), P)
+    assert_array_equal(unpack_triangles(packed), P)
     assert_array_equal(diagonal(packed), np.diagonal(P, axis1=1, axis2=2))
 
 

@@ -17,7 +17,7 @@ from shipped_sensors import OPTIONS
 import insgnss
 import insgnss.flight.config.imu_options  # registers the kind of option "axes"
 from insgnss.base.errors import DataError, InputError
-from insgnss.flight.reference.linear import eliminated
+from insgnss.flight.reference.linear import factor_graph
 from insgnss.flight.reference.twin import solve_twin
 from insgnss.flight.reference.verify import differences
 from insgnss.flight.sensors.kinds import kinds
@@ -116,7 +116,7 @@ def test_twin_agrees_with_gtsam():
     flown, start = flown_with(KINDS, 4, 1.5, 0.3 * SIGMA, 0.2)
     core = solve(flown.problem, start, "on")
     twin = solve_twin(flown.problem, start, core.passes + 1)
-    error = twin.smoothed.mean - eliminated(twin.forward.linear)
+    error = twin.smoothed.mean - factor_graph(twin.forward.linear)
     assert np.abs(error / np.sqrt(np.diagonal(twin.smoothed.P, axis1=1, axis2=2))).max() < 1e-6
 
 

@@ -15,7 +15,12 @@ from batch_least_squares import Batch, batch
 from flown import NO_GATE, fly, passes_in_one, start_near
 from linearised_interval import linearise_interval
 
-from insgnss.flight.reference.linear import GaussianStates, LinearProblem, filtered, smoothed
+from insgnss.flight.reference.linear import (
+    GaussianStates,
+    LinearProblem,
+    kalman_filter,
+    rts_smoother,
+)
 from insgnss.navigation.filter.blocks import BlockwisePasses
 from insgnss.navigation.filter.codes import N_KINDS, N_NAV, NHC, POS, PSI, ZUPT
 from insgnss.navigation.filter.correction import corrections
@@ -163,7 +168,7 @@ def case() -> Case:
 @pytest.fixture(scope="module")
 def by_filterpy(case) -> GaussianStates:
     """Filterpy's filter, one predict an epoch and one update a triple."""
-    return filtered(case.linear)
+    return kalman_filter(case.linear)
 
 
 def agree(mean, P, expected, expected_P, unit=None, within=RELATIVE) -> None:
@@ -197,7 +202,7 @@ def test_smoother_is_filterpys(case, by_filterpy):
     """Oracle: filterpy KalmanFilter.rts_smoother, the method, whose Fs[k + 1] leads from k to k +
     1.
     """
-    expected = smoothed(case.linear, by_filterpy)
+    expected = rts_smoother(case.linear, by_filterpy)
     agree(case.smoothed.delta, case.smoothed.P, expected.mean, expected.P)
 
 

@@ -29,11 +29,11 @@ from insgnss.navigation.prepare.fix_covariance.classes import (
     base_distance,
     calibrate,
     classes,
-    confirmed,
-    degraded,
+    confirmed_fixes,
     forward_backward,
+    mark_degraded,
     outliers,
-    scaled,
+    scale_covariances,
 )
 from insgnss.navigation.prepare.fix_covariance.numbers import FIX_CLASSES
 from insgnss.records import GnssFixes
@@ -69,7 +69,7 @@ def test_sigmas_follow_the_formula_and_keep_the_engines_correlations():
     cov = 1e-4 * (L @ np.swapaxes(L, 1, 2) + np.eye(3))
     model = MODEL.with_changes({"scale": {"fixed": (1.5, 2.0, 3.0)}, "ppm": (1.0, 2.0, 3.0)})
     distance = np.linspace(100.0, 20000.0, len(FIX_CLASSES))
-    got = scaled(cov, np.arange(len(FIX_CLASSES)), distance, model)
+    got = scale_covariances(cov, np.arange(len(FIX_CLASSES)), distance, model)
     for c, name in enumerate(FIX_CLASSES):
         for i in range(3):
             for j in range(3):
@@ -139,7 +139,7 @@ def test_what_is_not_validated_is_handed_on_as_float():
 def test_standard_deviations_of_zero_become_what_the_engine_cannot_write():
     """Oracle: half of the last of four decimals."""
     model = MODEL.with_changes({"floor_m": {"fixed": 0.0}, "ppm": 0.0})
-    got = scaled(np.zeros((1, 3, 3)), np.array([FIXED]), np.zeros(1), model)
+    got = scale_covariances(np.zeros((1, 3, 3)), np.array([FIXED]), np.zeros(1), model)
     assert np.allclose(got[0], np.eye(3) * 5e-5**2, rtol=1e-12)
 
 
@@ -203,8 +203,8 @@ def test_an_island_that_both_runs_fix_or_that_minutes_surround_is_believed():
         both = nowhere.copy()
         both[170 : 170 + together] = True
         sep = _two_runs(both, (0.0, 0.0, 0.0))
-        assert confirmed(time, island, sep, nowhere)[island].all() == believed
-        assert not confirmed(time, island, sep, both)[island].any()
+        assert confirmed_fixes(time, island, sep, nowhere)[island].all() == believed
+        assert not confirmed_fixes(time, island, sep, both)[island].any()
     one_alone = _two_runs(nowhere, (0.0, 0.0, 0.0))
     for length, sep, believed in (
         *((61, one_alone, True), (40, one_alone, False)),
@@ -212,19 +212,19 @@ def test_an_island_that_both_runs_fix_or_that_minutes_surround_is_believed():
     ):
         run = nowhere.copy()
         run[170 : 170 + length] = True
-        assert confirmed(time, run, sep, nowhere)[run].all() == believed
+        assert confirmed_fixes(time, run, sep, nowhere)[run].all() == believed
     beside = nowhere.copy()
     beside[190:320] = True
-    assert confirmed(time, island | beside, None, nowhere)[island].all()
-    assert confirmed(time, island, None, nowhere, replace(MODEL, island_s=0.0))[island].all()
+    assert confirmed_fixes(time, island | beside, None, nowhere)[island].all()
+    assert confirmed_fixes(time, island, None, nowhere, replace(MODEL, island_s=0.0))[island].all()
     # ten fixes behind an outage are alone, however few floats are there
     late = np.append(np.arange(100.0), 700.0 + np.arange(10.0))
     fixed = late >= 700.0
-    assert not confirmed(late, fixed, None, np.zeros(110, bool)).any()
+    assert not confirmed_fixes(late, fixed, None, np.zeros(110, bool)).any()
     # a recording of half a minute that is fixed throughout, and one of 30 s an epoch
     short = np.ones(30, bool)
-    assert confirmed(np.arange(30.0), short, None, ~short).all()
-    assert confirmed(30.0 * np.arange(30.0), short, None, ~short).all()
+    assert confirmed_fixes(np.arange(30.0), short, None, ~short).all()
+    assert confirmed_fixes(30.0 * np.arange(30.0), short, None, ~short).all()
 
 
 @pytest.mark.slow
@@ -297,7 +297,7 @@ def test_fixes_of_minutes_with_many_floats_are_degraded():
     time = np.arange(1500.0)
     quality = np.where((time // 300 == 2) & (time % 20 < 8), 2, 1)
     before = classes(time, quality, np.full(1500, 14))
-    kind = degraded(time, before)
+    kind = mark_degraded(time, before)
     for k in range(0, 1500, 7):
         near = np.abs(time - time[k]) <= 180.0
         share = (before[near] == FIXED).mean()
@@ -313,7 +313,8 @@ def test_scattered_floats_and_short_runs_hamper_nothing():
     """
     quality = np.where(np.arange(6000) % 20 == 7, 2, 1)
     assert not (
-        degraded(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == DEGRADED
+        mark_degraded(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None))
+        == DEGRADED
     ).any()
     _, kind = calibrate(fixes_of([1] * 10), None, np.zeros(10))
     assert (kind == FIXED).all()
@@ -327,13 +328,13 @@ def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
     """
     time = 0.2 * np.arange(6000)
     ends = np.where((time < 150.0) | (time >= 1000.0), 2, 1)
-    kind = degraded(time, classes(time, ends, np.full(6000, 14)))
+    kind = mark_degraded(time, classes(time, ends, np.full(6000, 14)))
     assert (kind[ends == 1] == FIXED).all()
     middle = np.where((time >= 500.0) & (time < 650.0), 2, 1)
-    kind = degraded(time, classes(time, middle, np.full(6000, 14)))
+    kind = mark_degraded(time, classes(time, middle, np.full(6000, 14)))
     near = (middle == 1) & (time > 450.0) & (time < 700.0)
     assert (kind[near] == DEGRADED).all()
-    assert (degraded(time, np.full(6000, FLOAT)) == FLOAT).all()
+    assert (mark_degraded(time, np.full(6000, FLOAT)) == FLOAT).all()
 
 
 def test_degraded_fixes_stay_fixed_with_sigmas_of_centimetres():

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.geodesy.axes import parse_axes
 from insgnss.geodesy.gpstime import WEEK_S
-from insgnss.navigation.prepare.imu import Device, prepared
+from insgnss.navigation.prepare.imu import Device, prepare_imu
 from insgnss.records import GnssFixes, ImuSamples
 
 RATE_HZ = 50.0
@@ -37,7 +37,7 @@ def test_sign_offset_and_week_are_applied_once():
     """Oracle: a week has 604 800 s; specific force of a sensor at rest points up."""
     reversed_force = standing(sign=-1.0)
     device = Device(reversed_force, AXES, accel_sign=-1.0, time_offset_s=0.25)
-    imu = prepared([device], fixes(100, 160), 2008)
+    imu = prepare_imu([device], fixes(100, 160), 2008)
     assert imu.samples.gps_week == 2008
     assert_array_equal(imu.samples.time, reversed_force.time + 0.25 + WEEK_S)
     assert_array_equal(imu.samples.accel, -reversed_force.accel)
@@ -47,14 +47,14 @@ def test_sign_offset_and_week_are_applied_once():
 
 def test_periods_without_a_fix_are_none():
     """Oracle: fixes begin after the minute at rest has ended."""
-    assert len(prepared([Device(standing(), AXES)], fixes(100, 160), 2008).stationary) == 1
-    assert len(prepared([Device(standing(), AXES)], fixes(170, 260), 2008).stationary) == 0
+    assert len(prepare_imu([Device(standing(), AXES)], fixes(100, 160), 2008).stationary) == 1
+    assert len(prepare_imu([Device(standing(), AXES)], fixes(170, 260), 2008).stationary) == 0
 
 
 def test_a_segment_is_split_at_its_marks_and_at_the_ends_of_gaps():
     """Oracle: marks by hand; the velocity increments of a second at rest are those of gravity."""
     device = Device(standing(gap=(120.0, 120.5)), AXES)
-    imu = prepared([device], fixes(100, 160), 2008)
+    imu = prepare_imu([device], fixes(100, 160), 2008)
     lo, hi = WEEK_S + 110.0, WEEK_S + 130.0
     seconds, two = lo + np.arange(21.0), np.array([lo + 0.5, lo + 11.25])
     increments, (at_second, at_two) = imu.increments(lo, hi, seconds, two)
@@ -67,7 +67,7 @@ def test_a_segment_is_split_at_its_marks_and_at_the_ends_of_gaps():
 
 def test_a_long_gap_divides_the_recording():
     """Oracle: the ends of the gap by hand."""
-    imu = prepared([Device(standing(gap=(120.0, 123.0)), AXES)], fixes(100, 160), 2008)
+    imu = prepare_imu([Device(standing(gap=(120.0, 123.0)), AXES)], fixes(100, 160), 2008)
     assert imu.segments(WEEK_S + 105.0, WEEK_S + 150.0) == [
         (WEEK_S + 105.0, WEEK_S + 120.0),
         (WEEK_S + 123.0, WEEK_S + 150.0),
@@ -76,7 +76,7 @@ def test_a_long_gap_divides_the_recording():
 
 def test_what_is_left_without_samples_keeps_what_they_said():
     """Oracle: identity."""
-    imu = prepared([Device(standing(), AXES)], fixes(100, 160), 2008)
+    imu = prepare_imu([Device(standing(), AXES)], fixes(100, 160), 2008)
     bare = imu.without_samples()
     assert_array_equal(bare.samples.time, imu.samples.time[[0, -1]])
     assert bare.stationary is imu.stationary

@@ -164,7 +164,7 @@ def test_where_fixes_cover_a_window() -> None:
     """Oracle: by hand: fixes on both sides, no longer apart than 2.5 intervals in between."""
     time = np.array([0.0, 1.0, 2.0, 4.4, 5.4, 8.0, 9.0])
     begin, end = np.array([-0.5, 0.5, 2.5, 4.5, 5.5, 8.2]), np.array([0.5, 1.5, 4.0, 5.0, 7.0, 9.5])
-    covered = stationarity._covered(time, begin, end)
+    covered = stationarity._windows_between_fixes(time, begin, end)
     assert covered.tolist() == [False, True, True, True, False, False]
 
 

@@ -13,7 +13,7 @@ from insgnss.cli import main
 from insgnss.geodesy.axes import parse_axes
 from insgnss.io.formats.imu.exchanged_columns import exchanged_columns
 from insgnss.navigation.recognise.claims import compare
-from insgnss.navigation.recognise.handedness import AXIS_PAIRS, exchanged, with_exchanges
+from insgnss.navigation.recognise.handedness import AXIS_PAIRS, exchange_axes, with_exchanges
 from insgnss.navigation.recognise.recognition import recognise
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
@@ -49,7 +49,7 @@ def test_the_exchange_that_explains_the_motion_is_named(flown, pair):
     is no contradiction then, and nobody is sent to reverse it.
     """
     imu, gnss = flown
-    checks = compared(exchanged(imu, pair), gnss)
+    checks = compared(exchange_axes(imu, pair), gnss)
     a, b = ("xyz"[k] for k in pair)
     axes, sign = checks["recognised axes"], checks["recognised sign"]
     assert axes.verdict == "contradiction"
@@ -64,7 +64,7 @@ def test_the_way_out_of_a_wrong_remedy(flown):
     axes that gravity then suggests.
     """
     imu, gnss = flown
-    axes = compared(exchanged(imu, (0, 1)), gnss, parse_axes("forward left up"), -1)[
+    axes = compared(exchange_axes(imu, (0, 1)), gnss, parse_axes("forward left up"), -1)[
         "recognised axes"
     ]
     assert axes.verdict == "contradiction"
@@ -86,7 +86,7 @@ def test_signs_reversed_in_both_triads_are_no_exchange(flown, signs, words):
     assert axes.found.startswith(words)
     words = re.search(r'imu\.axes = "([^"]+)"', axes.advice).group(1)
     a, b = re.match(r"exchange the names g(.) and g(.),", axes.advice).groups()
-    followed = exchanged(wrong, ("xyz".index(a), "xyz".index(b)))
+    followed = exchange_axes(wrong, ("xyz".index(a), "xyz".index(b)))
     checks = compared(followed, gnss, parse_axes(words))
     assert [check.verdict for check in checks.values()][1:3] == ["ok", "ok"]
 

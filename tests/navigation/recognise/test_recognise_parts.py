@@ -10,7 +10,7 @@ from insgnss.geodesy.axes import axes_words, parse_axes
 from insgnss.geodesy.rotation import right_angle_rotations, rotation_from_vector
 from insgnss.navigation.prepare.fix_path import jumps, liveliest, sound_fixes
 from insgnss.navigation.recognise._kernels import interpolate
-from insgnss.navigation.recognise.axes import Pose, down, forward, scores
+from insgnss.navigation.recognise.axes import Pose, down_direction, forward, scores
 from insgnss.navigation.recognise.signal import (
     accelerations,
     dead_channel,
@@ -210,7 +210,7 @@ def test_forward_in_wind(ahead_of_x_deg):
         + rng.normal(0.0, 0.5, (t.size, 2))
     )
     pose = Pose(t, C_ns, np.full(t.size, 0.02), velocity, np.zeros(t.size), 2.0)
-    vertical = down(pose)
+    vertical = down_direction(pose)
     assert vertical.word == "+z"
     found = forward(pose, vertical)
     angle = np.degrees(np.arctan2(found.direction.vector[1], found.direction.vector[0]))
@@ -233,7 +233,7 @@ def test_forward_of_who_goes_to_and_fro_without_turning_is_unknown():
         np.zeros(t.size),
         2.0,
     )
-    assert forward(pose, down(pose)).direction.confidence < 0.5
+    assert forward(pose, down_direction(pose)).direction.confidence < 0.5
 
 
 def test_dead_channel():

@@ -11,11 +11,15 @@ from scipy.stats import linregress, norm
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.navigation.prepare.fix_path import between_fixes
 from insgnss.navigation.recognise import plausibility, turns
-from insgnss.navigation.recognise.axes import ForwardAxis, Pose, _direction, down, forward
+from insgnss.navigation.recognise.axes import ForwardAxis, Pose, _direction, down_direction, forward
 from insgnss.navigation.recognise.claims import _compare_clock
 from insgnss.navigation.recognise.fit import Scan
 from insgnss.navigation.recognise.propulsion import Propulsion, propulsion
-from insgnss.navigation.recognise.recognition import _abstained, _clocks, _mirrored
+from insgnss.navigation.recognise.recognition import (
+    _clocks,
+    _exchange_latitude_longitude,
+    _without_gnss,
+)
 from insgnss.navigation.recognise.relation import _halves, _scan, _usual_rate
 from insgnss.navigation.recognise.streams import check_classes
 from insgnss.navigation.recognise.units import _nearest, force_unit, unknown_force
@@ -340,7 +344,7 @@ def test_forward_and_wind_of_a_flight() -> None:
         np.zeros(200),
         2.0,
     )
-    vertical = down(pose)
+    vertical = down_direction(pose)
     assert (vertical.word, vertical.confidence > 0.999) == ("+z", True)
     ahead = forward(pose, vertical)
     assert_allclose(ahead.direction.vector, turned @ [1.0, 0.0, 0.0], atol=1e-3)
@@ -648,10 +652,10 @@ def test_which_clocks_are_set_to_a_common_start(begins, ends, clocks) -> None:
 
 def test_an_abstention_keeps_the_readings_as_they_are() -> None:
     """Oracle: by hand: the unit of the force, and factors of one."""
-    found = _abstained(unknown_force(2.0, "why"), 0.5, "because")
+    found = _without_gnss(unknown_force(2.0, "why"), 0.5, "because")
     assert found.curves == {}
     curves = {"lag_s": np.arange(3.0)}
-    assert _abstained(unknown_force(2.0, "why"), 0.5, "because", curves).curves is curves
+    assert _without_gnss(unknown_force(2.0, "why"), 0.5, "because", curves).curves is curves
     assert (found.gyro_factor, found.accel_factor, found.accel_sign) == (1.0, 1.0, 1)
     assert (found.time_offset_s, found.time_offset_sigma_s) == (0.0, np.inf)
     assert (found.axes, found.time_scale, found.gyro_unit) == (None, "same", "rad/s")
@@ -683,7 +687,7 @@ def test_when_an_exchange_of_latitude_and_longitude_is_looked_at(monkeypatch, ch
     )
     lon = np.array([changes.get("lon", 1.5)])
     gnss = SimpleNamespace(velocity_ned=changes.get("velocity"), lat=lon, lon=lon)
-    found = _mirrored(relation_, None, gnss, None, None, 30.0)
+    found = _exchange_latitude_longitude(relation_, None, gnss, None, None, 30.0)
     assert found == (0.7 if looked_at else -np.inf)
 
 

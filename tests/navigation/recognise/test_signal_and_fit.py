@@ -18,8 +18,14 @@ from insgnss.navigation.recognise.fit import (
     _weighted_median,
     scan_lags,
 )
-from insgnss.navigation.recognise.handedness import exchanged, explains, mirrored
-from insgnss.navigation.recognise.positions import _displaced, _fast, _mean_velocity, _off, _pairs
+from insgnss.navigation.recognise.handedness import exchange_axes, explains, is_mirrored
+from insgnss.navigation.recognise.positions import (
+    _fast,
+    _mean_velocities,
+    _mean_velocity,
+    _off,
+    _pairs,
+)
 from insgnss.navigation.recognise.signal import (
     Accelerations,
     _most_moved,
@@ -297,7 +303,7 @@ def test_displacements_over_two_seconds() -> None:
     assert not ((t[first] < 20.0) & (t[last] > 30.0)).any()
     gnss = fixes(t)
     moved, mean = (
-        _displaced(gnss, (first, last)),
+        _mean_velocities(gnss, (first, last)),
         _mean_velocity(t, gnss.velocity_ned, (first, last)),
     )
     assert_allclose(moved, mean, atol=0.05 * 30.0)
@@ -323,17 +329,17 @@ def recognised(triads="aligned", sign=1, sure=0.995) -> SimpleNamespace:
 def test_which_readings_are_mirrored_and_what_explains_them() -> None:
     """Oracle: by hand: gyros and force both reversed are left-handed axes; a trial explains them
     with aligned triads and specific force, surer than 0.99."""
-    assert mirrored(recognised("gyro -x -y -z", -1))
-    assert mirrored(recognised("gyro -x -y -z", 1), -1)
-    assert not mirrored(recognised("gyro -x -y -z", 1))
-    assert not mirrored(recognised("aligned", -1))
-    assert not mirrored(recognised("gyro -x -y -z", -1, 0.0))
+    assert is_mirrored(recognised("gyro -x -y -z", -1))
+    assert is_mirrored(recognised("gyro -x -y -z", 1), -1)
+    assert not is_mirrored(recognised("gyro -x -y -z", 1))
+    assert not is_mirrored(recognised("aligned", -1))
+    assert not is_mirrored(recognised("gyro -x -y -z", -1, 0.0))
     assert explains(recognised())
     assert not explains(recognised(sure=0.985))
     assert not explains(recognised(sign=-1))
     assert not explains(recognised("gyro -x -y -z"))
     imu = turning(4)
-    other = exchanged(imu, (0, 2), -1)
+    other = exchange_axes(imu, (0, 2), -1)
     assert_allclose(other.gyro, imu.gyro[:, [2, 1, 0]])
     assert_allclose(other.accel, -imu.accel[:, [2, 1, 0]])
     assert math.isclose(other.time[0], imu.time[0])

@@ -16,7 +16,7 @@ from insgnss.noise.estimation.bootstrap import (
     bootstrap,
     draw_variances,
     has_interval_weights,
-    redrawn,
+    redraw_curves,
     refit,
     robust_efficiency,
     simulate_axis,
@@ -163,7 +163,7 @@ def test_refits_follow_the_manner_of_the_fit():
     """Oracle: the fit itself, when its own curves are given again."""
     first = series_fit(2**12, AXES["long"], "WN+GM")
     for fitted in (first, efficient(first)):
-        curves = next(redrawn(fitted, tuple(c.variance[None] for c in fitted.curves)))
+        curves = next(redraw_curves(fitted, tuple(c.variance[None] for c in fitted.curves)))
         assert_allclose(refit(fitted, curves).parameters, fitted.parameters, rtol=1e-6)
     assert has_interval_weights(first)
     assert not has_interval_weights(efficient(first))

@@ -10,7 +10,7 @@ import pytest
 
 from insgnss.base.errors import UsageError
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov
-from insgnss.noise.estimation._matching import pooled
+from insgnss.noise.estimation._matching import pool_curves
 from insgnss.noise.estimation._profile import Local
 from insgnss.noise.estimation.gmwm import fit
 from insgnss.noise.estimation.inference import efficient, infer, second_step
@@ -73,7 +73,7 @@ def test_the_curve_with_wrong_weights_is_named() -> None:
     curve = exact(AxisNoise(white_noise=1.0))
     identity = np.eye(curve.level.size)
     with pytest.raises(UsageError, match="weights of curve 2: not positive definite"):
-        pooled([curve, curve, curve], [identity, -9.0 * identity, identity])
+        pool_curves([curve, curve, curve], [identity, -9.0 * identity, identity])
 
 
 def test_of_equivalent_models_a_determined_one_is_chosen():

@@ -15,7 +15,7 @@ from static_files import ACCEL, BIAS, DEG_H, GRAVITY, GYRO, RATE, UG, samples, s
 
 from insgnss import cli
 from insgnss.base.errors import DataError
-from insgnss.cli.console import fitted
+from insgnss.cli.console import fit_to_width
 from insgnss.flight.processing.recording_checks import noise_misfit
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, load_noise_model
 from insgnss.noise.estimation.selection import rank
@@ -184,7 +184,9 @@ def test_what_a_person_reads(tuned):
         "turn_on_bias",
     ):
         assert said in text
-    assert all(len(line) <= 100 for line in fitted(text, 100).splitlines() if "wrote" not in line)
+    assert all(
+        len(line) <= 100 for line in fit_to_width(text, 100).splitlines() if "wrote" not in line
+    )
 
 
 def refusal(capsys, *argv):

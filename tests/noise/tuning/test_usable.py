@@ -19,7 +19,7 @@ from insgnss.noise.estimation.gmwm import fit
 from insgnss.noise.estimation.inference import infer
 from insgnss.noise.moments.theory import haar_variance
 from insgnss.noise.processes.composition import CORRELATION_TIME, DRIVING, NoiseTerm
-from insgnss.noise.tuning.products.table import interval, plus_minus, printed, unit_text
+from insgnss.noise.tuning.products.table import interval, plus_minus, print_parameter, unit_text
 from insgnss.noise.tuning.recordings import StaticRecording
 from insgnss.noise.tuning.static import turn_on_sigmas
 from insgnss.noise.tuning.usable import departures, envelope, rounded_axis, usable_axis
@@ -225,7 +225,7 @@ def test_printed_units_are_those_of_table_5():
     """Oracle: Table 5 of paper 000; 4.943 of 1e-3 deg/s^2/sqrt(Hz), 10.825 deg/h/sqrt(Hz), 6.546
     ug/s/sqrt(Hz).
     """
-    assert_allclose(printed("gyro", DRIVING, np.radians(4.943e-3)), 4.943)
-    assert_allclose(printed("gyro", "white_noise", 10.825 * DEG_H), 10.825)
-    assert_allclose(printed("accel", DRIVING, 6.546 * 9.80665e-6), 6.546)
+    assert_allclose(print_parameter("gyro", DRIVING, np.radians(4.943e-3)), 4.943)
+    assert_allclose(print_parameter("gyro", "white_noise", 10.825 * DEG_H), 10.825)
+    assert_allclose(print_parameter("accel", DRIVING, 6.546 * 9.80665e-6), 6.546)
     assert unit_text("gyro", DRIVING) == "1e-3 deg/s^2/sqrt(Hz)"

@@ -15,7 +15,7 @@ from insgnss.geodesy.rotation import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import (
     InteriorObservation,
     PoseObservation,
@@ -138,7 +138,7 @@ def test_against_scipy(model, rho):
     made = simulated(4, cameras=(one,), start_m=0.5, start_deg=0.3, **SMALL)
     block = correlated(made.block, np.random.default_rng(4)) if rho else made.block
     first = first_values(block)
-    result = adjusted(problem_of(block, control_points(block.control)), first)
+    result = adjust_problem(problem_of(block, control_points(block.control)), first)
     got, cov, about = scipy_solution(block, first)
     assert result.cost == pytest.approx(2.0 * got.cost, rel=1e-8)
     n, k = len(block.images), len(free)
@@ -250,7 +250,7 @@ def test_groups_that_the_engine_does_not_know():
     ]
     first = first_values(block)
     first = replace(first, blocks={("shift", 0): np.zeros(3)})
-    result = adjusted(problem_of(block, groups, first.blocks), first)
+    result = adjust_problem(problem_of(block, groups, first.blocks), first)
 
     from scipy.optimize import least_squares
 
@@ -312,8 +312,8 @@ def test_bad_first_values_of_a_strip_converge():
     made = simulated(9, strips=1, images=6, points=80, control=6, start_m=2.0, start_deg=1.0)
     groups = control_points(made.block.control)
     problem = problem_of(made.block, groups)
-    far = adjusted(problem, first_values(made.block))
-    near = adjusted(problem, made.truth)
+    far = adjust_problem(problem, first_values(made.block))
+    near = adjust_problem(problem, made.truth)
     assert far.cost == pytest.approx(near.cost, rel=1e-8)
     assert far.iterations < 20
 
@@ -336,16 +336,16 @@ def test_a_block_without_datum_is_refused_by_name(seed):
     shape = {"strips": 1 + seed % 3, "images": 3 + seed % 5, "points": 60}
     made = simulated(seed, cameras=(camera(free=()),), control=0, **shape)
     with pytest.raises(DataError, match="is not determined by the observations"):
-        adjusted(problem_of(made.block), made.truth)
+        adjust_problem(problem_of(made.block), made.truth)
     with pytest.raises(DataError, match="is not determined by the observations"):
-        adjusted(problem_of(made.block), first_values(made.block))
+        adjust_problem(problem_of(made.block), first_values(made.block))
     held = np.zeros((len(made.block.images), 6), dtype=bool)
     held[0] = True
     with pytest.raises(DataError, match="is not determined by the observations"):
-        adjusted(problem_of(replace(made.block, held=held)), made.truth)  # scale is missing
+        adjust_problem(problem_of(replace(made.block, held=held)), made.truth)  # scale is missing
     held[2, 0] = True
     block = replace(made.block, held=held)
-    result = adjusted(problem_of(block), made.truth)
+    result = adjust_problem(problem_of(block), made.truth)
     precision = precision_of(result)
     assert precision.pose_cov[0] == pytest.approx(np.zeros((6, 6)))
     assert 0.7 < result.sigma0 < 1.3
@@ -377,7 +377,7 @@ def test_an_iteration_says_how_far_it_has_come():
     block = simulated(4, cameras=(camera(free=()),), start_m=0.5, start_deg=0.3, **SMALL).block
     problem, heard = problem_of(block, control_points(block.control)), []
     with listening(heard.append):
-        adjusted(problem, first_values(block))
+        adjust_problem(problem, first_values(block))
     assert heard[0] == 0.0
     assert heard[-1] == 1.0
     assert len(heard) > 2

@@ -12,7 +12,7 @@ from simulated_blocks import camera, simulated
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.aerial import (
     AERIAL_PARAMETERS,
     BORESIGHT,
@@ -175,7 +175,7 @@ def test_common_errors_are_the_covariance_between_strips(small) -> None:
 
     def solution(observations, values):
         problem = problem_of(made.block, observations, values)
-        result = adjusted(problem, replace(made.truth, blocks=values))
+        result = adjust_problem(problem, replace(made.truth, blocks=values))
         return result.values, precision_of(result, 1.0).cov(*keys)
 
     n = np.arange(8)
@@ -251,7 +251,7 @@ def test_mounting_is_found_within_its_covariance() -> None:
 
         observations += control_points(made.block.control)
         problem = problem_of(made.block, observations, first)
-        result = adjusted(problem, replace(made.truth, blocks=first))
+        result = adjust_problem(problem, replace(made.truth, blocks=first))
         precision = precision_of(result, 1.0)
         e = []
         for key, value in blocks.items():

@@ -10,7 +10,7 @@ from insgnss.geodesy.rotation import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import control_points
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
@@ -82,7 +82,7 @@ def test_against_ceres():
         21, strips=1, images=4, points=30, control=4, cameras=(plain,), start_m=0.3, start_deg=0.2
     )
     block, first = made.block, first_values(made.block)
-    result = adjusted(problem_of(block, control_points(block.control)), first)
+    result = adjust_problem(problem_of(block, control_points(block.control)), first)
     precision = precision_of(result, 1.0)
 
     about = result.values.C_mc  # rotation vectors count from here, so that they are psi

@@ -11,7 +11,7 @@ from insgnss.base.errors import InputError
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import skew
 from insgnss.io.formats.blocks.joined import JoinedBlock
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import DistanceObservation, InnerConstraints
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
@@ -38,7 +38,7 @@ def in_datum(block, kind, bars=()):
     rays = np.bincount(block.observations.point, minlength=len(block.points))
     keep = np.flatnonzero(rays >= 2).tolist() if kind == "minimal" else ()
     problem = problem_of(block, [*inner, *bars], keep=keep)
-    return precision_of(adjusted(problem, first_values(block)), 1.0), inner
+    return precision_of(adjust_problem(problem, first_values(block)), 1.0), inner
 
 
 @pytest.mark.parametrize("kind", ["images", "points"])

@@ -13,7 +13,7 @@ import pytest
 from insgnss.cli.main import main
 from insgnss.geodesy.rotation import CV_RUB, opk_from_rotation, opk_jacobian
 from insgnss.io.formats.blocks.dbat import read_dbat
-from insgnss.photogrammetry.adjust.adjustment import Adjusted, adjusted, residuals_px
+from insgnss.photogrammetry.adjust.adjustment import Adjusted, adjust_problem, residuals_px
 from insgnss.photogrammetry.adjust.groups import control_points
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import Precision, precision_of
@@ -101,7 +101,7 @@ CALIBRATION = """<document dbat_script_version="1.0"><input base_dir="$HERE">
 
 def solved(block: ImageBlock) -> tuple[Adjusted, Precision]:
     problem = problem_of(block, control_points(block.control))
-    result = adjusted(problem, first_values(block))
+    result = adjust_problem(problem, first_values(block))
     return result, precision_of(result)
 
 

@@ -8,7 +8,7 @@ from draws import lower_factor
 from simulated_blocks import camera, simulated
 
 from insgnss.geodesy.rotation import rotation_from_vector
-from insgnss.photogrammetry.adjust.adjustment import adjusted, residuals_px
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem, residuals_px
 from insgnss.photogrammetry.adjust.aerial import AerialControl
 from insgnss.photogrammetry.adjust.direct import direct_precision, joint_covariance
 from insgnss.photogrammetry.adjust.groups import InteriorObservation, weight_of
@@ -54,7 +54,7 @@ def intersection(block, values, step=None, rays=None, camera=None):
     if rays is not None:
         seen = block.observations
         block = replace(block, observations=replace(seen, uv=seen.uv + rays))
-    result = adjusted(held(block), values)
+    result = adjust_problem(held(block), values)
     return result.values.point.ravel(), residuals_px(result).ravel() / 0.5
 
 
@@ -79,7 +79,7 @@ def case():
     )
     problem = problem_of(block, [control, calibration])
     first = first_values(replace(block, position_m=made.truth.position, C_mc=made.truth.C_mc))
-    alone = adjusted(held(block), first)
+    alone = adjust_problem(held(block), first)
     done = replace(alone, problem=problem.with_active_of(alone.problem))
     return made, done
 

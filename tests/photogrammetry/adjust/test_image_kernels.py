@@ -13,12 +13,12 @@ from insgnss.io.formats.bundle.camera import camera_of
 from insgnss.photogrammetry.adjust.kernels import collinearity
 from insgnss.records.block import INTERIOR, RADIAL_MODELS, BrownCamera
 from insgnss.records.cameras.camera import (
-    distorted,
+    distort,
     equidistant,
     fold_radius,
     pixels_of,
     rays_of,
-    undistorted,
+    undistort,
 )
 
 
@@ -138,10 +138,10 @@ def test_the_derivative_of_the_distortion():
     """Oracle: central differences."""
     interior = camera().interior
     xy = np.random.default_rng(1).uniform(-0.5, 0.5, (20, 2))
-    _, dD = distorted(xy, interior)
+    _, dD = distort(xy, interior)
     for k in range(2):
         h = 1e-6 * np.eye(2)[k]
-        want = (distorted(xy + h, interior)[0] - distorted(xy - h, interior)[0]) / 2e-6
+        want = (distort(xy + h, interior)[0] - distort(xy - h, interior)[0]) / 2e-6
         assert dD[:, :, k] == pytest.approx(want, abs=1e-8)
 
 
@@ -165,8 +165,8 @@ def test_a_point_beyond_the_fold_is_not_seen():
     assert fold_radius(interior) == pytest.approx(1.0 / np.sqrt(1.2))
     wide = BrownCamera("wide", 1000, 1000, interior)
     assert np.isnan(pixels_of(wide, [[1.5, 0.0]])).all()
-    assert np.isnan(undistorted([[0.7, 0.0]], interior)).all()
-    assert undistorted([[0.15, 0.0]], interior)[0, 0] == pytest.approx(0.1514, abs=1e-3)
+    assert np.isnan(undistort([[0.7, 0.0]], interior)).all()
+    assert undistort([[0.15, 0.0]], interior)[0, 0] == pytest.approx(0.1514, abs=1e-3)
     e, work = np.empty(2), np.empty(10)
     args = (interior, collinearity.FORWARD, 1.0, 1.0 / 1.2, np.array([650.0, 500.0]), work, e)
     assert not collinearity.image_residual(np.zeros(3), np.eye(3), np.array([1.5, 0.0, 1.0]), *args)

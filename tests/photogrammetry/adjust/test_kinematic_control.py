@@ -10,7 +10,7 @@ from simulated_blocks import camera, simulated
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_rpy, rotation_from_vector
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.aerial import EXPOSURE_DELAY, ParameterObservation
 from insgnss.photogrammetry.adjust.groups import control_points, weight_of
 from insgnss.photogrammetry.adjust.kinematic import (
@@ -174,7 +174,7 @@ def test_whole_adjustments_are_as_good_as_they_say() -> None:
         diagonal = replace(group, weight=np.diag(1.0 / np.diagonal(covariance(len(points)))))
         for name, own in (("whole", groups), ("diagonal", [diagonal, *groups[1:]])):
             problem = problem_of(made.block, own, first)
-            result = adjusted(problem, replace(made.truth, blocks=first))
+            result = adjust_problem(problem, replace(made.truth, blocks=first))
             precision = precision_of(result, 1.0)
             cases = {
                 "parameters": [*BLOCKS],

@@ -11,7 +11,7 @@ from test_aerial_control import strip_covariance
 from insgnss.base.errors import DataError, UsageError
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.photogrammetry.adjust import envelope, ordering
-from insgnss.photogrammetry.adjust.adjustment import _step, adjusted
+from insgnss.photogrammetry.adjust.adjustment import _step, adjust_problem
 from insgnss.photogrammetry.adjust.aerial import (
     BORESIGHT,
     CAMERA_LEVER_ARM,
@@ -20,7 +20,7 @@ from insgnss.photogrammetry.adjust.aerial import (
     ParameterObservation,
 )
 from insgnss.photogrammetry.adjust.groups import control_points, weight_of
-from insgnss.photogrammetry.adjust.normals import linearised, problem_of
+from insgnss.photogrammetry.adjust.normals import linearise_groups, problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.records.block import ImageObservations
 
@@ -87,11 +87,11 @@ def test_one_step(corridor, monkeypatch) -> None:
     """Oracle: the dense matrix: corrections to 1e-9 sigma, damped and not."""
     block, groups, first = corridor
     sparse, whole = both(block, groups, first.blocks, monkeypatch)
-    sigma = np.sqrt(np.diagonal(precision_of(adjusted(whole, first), 1.0).pose_cov, 0, 1, 2))
+    sigma = np.sqrt(np.diagonal(precision_of(adjust_problem(whole, first), 1.0).pose_cov, 0, 1, 2))
     sigma[sigma == 0.0] = 1.0
     for damping in (0.0, 1e-3):
         (got, got_points, _), (want, want_points, _) = (
-            _step(problem, first, damping, linearised(problem, first))
+            _step(problem, first, damping, linearise_groups(problem, first))
             for problem in (sparse, whole)
         )
         poses, others = of_images(sparse, got)
@@ -106,7 +106,7 @@ def test_precision(corridor, monkeypatch) -> None:
     """
     block, groups, first = corridor
     sparse, whole = both(block, groups, first.blocks, monkeypatch)
-    got, want = (precision_of(adjusted(problem, first), 1.0) for problem in (sparse, whole))
+    got, want = (precision_of(adjust_problem(problem, first), 1.0) for problem in (sparse, whole))
     free = want.pose_cov[:, np.arange(6), np.arange(6)] > 0.0
     assert free.sum() == 6 * 120 - 2
     sigmas = [np.sqrt(p.pose_cov[:, np.arange(6), np.arange(6)][free]) for p in (got, want)]
@@ -135,7 +135,7 @@ def test_a_point_measured_twice_in_an_image() -> None:
     better[::3] /= np.sqrt(2.0)
     got, want = (
         precision_of(
-            adjusted(problem_of(replace(made.block, observations=o), groups), made.truth), 1
+            adjust_problem(problem_of(replace(made.block, observations=o), groups), made.truth), 1
         )
         for o in (
             ImageObservations(*twice, again),
@@ -155,8 +155,8 @@ def test_the_order_of_the_images_does_not_matter(corridor) -> None:
     row = np.argsort(images)
     seen = replace(block.observations, image=row[block.observations.image])
     shuffled = replace(block, observations=seen)
-    given = ordering.arranged(block, [], 6 * n + 5)[1].starts[-1]
-    assert ordering.arranged(shuffled, [], 6 * n + 5)[1].starts[-1] < 1.3 * given
+    given = ordering.arrange_poses(block, [], 6 * n + 5)[1].starts[-1]
+    assert ordering.arrange_poses(shuffled, [], 6 * n + 5)[1].starts[-1] < 1.3 * given
 
 
 def test_a_large_block_without_datum_is_refused_by_name(corridor) -> None:
@@ -166,7 +166,7 @@ def test_a_large_block_without_datum_is_refused_by_name(corridor) -> None:
     problem = problem_of(free)
     assert problem.layout.envelope.window
     with pytest.raises(DataError, match="is not determined by the observations"):
-        adjusted(problem, replace(first, blocks={}))
+        adjust_problem(problem, replace(first, blocks={}))
 
 
 @pytest.mark.parametrize(("n", "border"), [(30, 7), (30, 0), (1, 4), (0, 9), (60, 20)])
@@ -190,7 +190,7 @@ def test_any_envelope(n, border, images, monkeypatch) -> None:
     scale = 1.0 / np.sqrt(np.diagonal(A))
     scale[[0, -1]] = 0.0
     free = np.flatnonzero(scale)
-    factor, column = envelope.factorised(stored_as, stored, scale, 0.0)
+    factor, column = envelope.factorise_envelope(stored_as, stored, scale, 0.0)
     assert column == -1
     right = rng.normal(size=(size, 2))
     want = np.zeros_like(right)

@@ -9,7 +9,7 @@ from simulated_blocks import camera, simulated, with_pixels
 from insgnss.base.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.photogrammetry.adjust import direct, outliers
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import PoseObservation, control_points
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.outliers import without_outliers
@@ -25,7 +25,7 @@ def test_gross_errors_are_rejected_and_little_else() -> None:
     """
     made = simulated(31, cameras=(camera(free=("f", "k1")),), **SHAPE)
     groups = control_points(made.block.control)
-    good = precision_of(adjusted(problem_of(made.block, groups), made.truth), 1.0)
+    good = precision_of(adjust_problem(problem_of(made.block, groups), made.truth), 1.0)
     rng = np.random.default_rng(2)
     n = len(made.block.observations)
     planted = rng.choice(n, n // 50, replace=False)
@@ -52,7 +52,7 @@ def test_a_small_gross_error_is_rejected_by_its_w() -> None:
     """
     made = simulated(34, cameras=(camera(free=()),), **SHAPE)
     groups = control_points(made.block.control)
-    good = precision_of(adjusted(problem_of(made.block, groups), made.truth), 1.0)
+    good = precision_of(adjust_problem(problem_of(made.block, groups), made.truth), 1.0)
     seen = made.block.observations
     many = np.bincount(seen.point)[seen.point] > 4
     sound = (np.abs(good.w).max(axis=1) < 1.0) & (good.redundancy[:, 0] > 0.7)
@@ -78,13 +78,13 @@ def test_points_behind_their_camera_at_first_are_taken_when_poses_are_better() -
     """Oracle: the same block from true poses. The last image starts upside down."""
     made = simulated(33, cameras=(camera(free=()),), **SHAPE)
     problem = problem_of(made.block, control_points(made.block.control))
-    want = adjusted(problem, made.truth)
+    want = adjust_problem(problem, made.truth)
     C = made.truth.C_mc.copy()
     rays = made.block.observations.image == 3
     few = made.truth.point.copy()
     few[made.block.observations.point[rays][::2]] += (0.0, 0.0, 400.0)  # above the image
     C[3] = rotation_from_vector([0.1, 0.0, 0.0]) @ C[3]
-    got = adjusted(problem, replace(made.truth, C_mc=C, point=few))
+    got = adjust_problem(problem, replace(made.truth, C_mc=C, point=few))
     assert got.redundancy == want.redundancy
     assert abs(got.cost - want.cost) < 1e-6 * want.cost
 
@@ -113,7 +113,7 @@ def test_a_gross_control_point_is_rejected_and_does_not_bend_the_block(axis, aer
     assert bad.off_m[axis] == pytest.approx(0.5, abs=0.15)
     assert bad.w > 4.0
     del groups[3]
-    want = precision_of(adjusted(problem_of(block, groups), made.truth))
+    want = precision_of(adjust_problem(problem_of(block, groups), made.truth))
     sigma = np.sqrt(np.diagonal(want.pose_cov, 0, 1, 2))[:, :3]
     off = cleaned.result.values.position - want.result.values.position
     assert (np.abs(off) / sigma).max() < 0.1 + 0.9 * (cleaned.rejected.size > 0)

@@ -7,7 +7,7 @@ import pytest
 from simulated_blocks import camera, simulated, with_pixels
 
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import (
     InteriorObservation,
     PoseObservation,
@@ -51,7 +51,7 @@ def one_block(seed, backward=False, **claims):
         *aerial(made, rng, **claims),
         InteriorObservation(0, rows, values, weight_of(cov, "camera")),
     ]
-    result = adjusted(problem_of(made.block, groups), made.truth)
+    result = adjust_problem(problem_of(made.block, groups), made.truth)
     return made, result, precision_of(result, 1.0)
 
 
@@ -131,7 +131,7 @@ def test_a_gross_error_has_the_largest_w() -> None:
     uv = seen.uv.copy()
     uv[row, 0] += 2.0 * precision.detectable_px[row, 0]
     groups = precision.result.problem.groups
-    result = adjusted(problem_of(with_pixels(made.block, uv), groups), made.truth)
+    result = adjust_problem(problem_of(with_pixels(made.block, uv), groups), made.truth)
     after = precision_of(result, 1.0)
     grown = after.w[row, 0] - precision.w[row, 0]
     assert grown == pytest.approx(2.0 * NONCENTRALITY, rel=0.02)
@@ -147,7 +147,7 @@ def test_a_gross_control_point_has_the_largest_w_of_its_group() -> None:
     position = made.block.control.position_m.copy()
     position[4, 2] += 0.5
     control = replace(made.block.control, position_m=position)
-    result = adjusted(problem_of(made.block, control_points(control)), made.truth)
+    result = adjust_problem(problem_of(made.block, control_points(control)), made.truth)
     tests = precision_of(result, 1.0).groups
     assert int(np.argmax([np.abs(t.w).max() for t in tests])) == 4
 
@@ -157,7 +157,7 @@ def test_correlated_unknowns_are_named() -> None:
     its images, nor the principal point from their roll and pitch.
     """
     made = simulated(7, cameras=(camera(free=("f", "cx", "k1", "k2", "k3")),), control=8, **SHAPE)
-    result = adjusted(problem_of(made.block, control_points(made.block.control)), made.truth)
+    result = adjust_problem(problem_of(made.block, control_points(made.block.control)), made.truth)
     pairs = inseparable(precision_of(result))
     assert ("k1 of camera one", "k2 of camera one") in {(p.first, p.second) for p in pairs}
     assert [abs(p.value) for p in pairs] == sorted((abs(p.value) for p in pairs), reverse=True)
@@ -170,7 +170,7 @@ def test_sigma0_scales_the_covariance() -> None:
     halved = with_pixels(made.block, seen.uv, 0.5 * seen.sigma_px)
     tight = replace(made.block.control, cov=0.25 * made.block.control.cov)
     results = [
-        adjusted(problem_of(block, control_points(control)), made.truth)
+        adjust_problem(problem_of(block, control_points(control)), made.truth)
         for block, control in ((made.block, made.block.control), (halved, tight))
     ]
     assert results[1].sigma0 == pytest.approx(2.0 * results[0].sigma0)

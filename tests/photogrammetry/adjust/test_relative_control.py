@@ -9,7 +9,7 @@ from simulated_blocks import camera, simulated
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_vector
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.aerial import (
     BORESIGHT,
     CAMERA_LEVER_ARM,
@@ -30,7 +30,7 @@ from insgnss.photogrammetry.adjust.relative import (
     RelativeAerialControl,
     as_printed,
     operator,
-    smoothed,
+    relative_covariance,
 )
 from insgnss.photogrammetry.adjust.start import first_values
 
@@ -65,7 +65,7 @@ def group(block, poses, observed, parameters=None, common=None, cov=None):
     rng = np.random.default_rng(3)
     X, C = poses
     L = operator(C, observed)
-    P = smoothed(L, strip_covariance()) if cov is None else cov
+    P = relative_covariance(L, strip_covariance()) if cov is None else cov
     velocity, rate = rng.normal(0.0, 10.0, (N, 3)), rng.normal(0.0, 0.2, (N, 3))
     time = 2.0 * np.arange(N)
     return RelativeAerialControl(
@@ -155,8 +155,8 @@ def test_all_pairs_are_the_poses_with_free_shift_and_bore_sight(block) -> None:
         ParameterObservation((SHIFT, 0), np.zeros(3), 1e-6 * np.eye(3)),
     ]
     start = first_values(block.block)
-    one = adjusted(problem_of(block.block, [*control, relative]), start)
-    two = adjusted(
+    one = adjust_problem(problem_of(block.block, [*control, relative]), start)
+    two = adjust_problem(
         problem_of(block.block, [*control, absolute, *free], blocks), replace(start, blocks=blocks)
     )
     sigma = precision_of(one, 1.0).pose_cov
@@ -176,7 +176,7 @@ def test_independent_pairs_forget_what_neighbours_share() -> None:
     C = np.tile(np.eye(3), (N, 1, 1))
     P = np.kron(np.eye(N), np.diag(np.repeat([0.03, 1e-3], 3) ** 2))
     observed = ObservedStrip("relative", True, PAIRS)
-    whole = smoothed(operator(C, observed), P)
+    whole = relative_covariance(operator(C, observed), P)
     printed = as_printed(P, C, observed, np.arange(N) * 2.0, None)
     np.testing.assert_allclose(np.diagonal(whole), np.diagonal(printed))
     np.testing.assert_allclose(whole[0, 3] / whole[0, 0], -0.5)
@@ -212,8 +212,8 @@ def test_a_weak_datum_says_nothing_where_anything_else_does(block) -> None:
     datum = Datum(3, block.truth.position[3] + 1.0, C, sigma)
     groups = [*control_points(block.block.control), relative]
     first = first_values(block.block)
-    without = adjusted(problem_of(block.block, groups), first)
-    with_it = adjusted(problem_of(block.block, [*groups, datum]), first)
+    without = adjust_problem(problem_of(block.block, groups), first)
+    with_it = adjust_problem(problem_of(block.block, [*groups, datum]), first)
     off = np.abs(with_it.values.position - without.values.position).max()
     # a metre off at 5 m, beside positions of the block known to a few cm: (0.05 / 5)^2 of a metre
     assert off < 5e-4

@@ -7,7 +7,7 @@ import pytest
 from simulated_blocks import camera, simulated
 from test_image_kernels import computed
 
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import control_points
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
@@ -62,7 +62,7 @@ def test_against_numeric_derivatives() -> None:
     the solution to 0.01 sigma, standard deviations to 1e-4.
     """
     block = three(51).block
-    result = adjusted(problem_of(block, control_points(block.control)), first_values(block))
+    result = adjust_problem(problem_of(block, control_points(block.control)), first_values(block))
     precision = precision_of(result, 1.0)
     layout, values = result.problem.layout, result.values
     seen = np.flatnonzero(np.isfinite(values.point[:, 0]))
@@ -105,7 +105,7 @@ def test_cameras_are_recovered_within_their_covariance() -> None:
     for seed in range(20):
         made = three(900 + seed)
         problem = problem_of(made.block, control_points(made.block.control))
-        result = adjusted(problem, first_values(made.block))
+        result = adjust_problem(problem, first_values(made.block))
         precision = precision_of(result, 1.0)
         P = precision.cov(("camera", 0), ("camera", 1))
         e = (made.truth.interior - result.values.interior)[:2, problem.layout.columns].ravel()

@@ -7,7 +7,7 @@ import pytest
 from mounted_blocks import Plan, precision_expected
 
 from insgnss.geodesy.rotation import rotation_from_vector
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.outliers import without_outliers
 from insgnss.photogrammetry.adjust.shutter import readout_gain, without_readout
@@ -35,7 +35,7 @@ def rolled(readout_s, plan=PLAN):
         uv = pixels_of(camera, q[:, :2] / q[:, 2:])
     block = replace(block, observations=replace(obs, uv=uv))
     problem = problem_of(block, true.problem.groups, values.blocks)
-    return adjusted(problem, values), (velocity, rate), values
+    return adjust_problem(problem, values), (velocity, rate), values
 
 
 @pytest.mark.parametrize("readout_s", [0.012, -0.02])
@@ -46,7 +46,7 @@ def test_a_readout_time_is_estimated_with_its_sigma(readout_s):
     value, _, gain, moved = readout_gain(result, motion)
     assert value == pytest.approx(readout_s, rel=0.02)
     corrected = without_readout(result.problem, true, motion, readout_s)
-    again = adjusted(problem_of(corrected, result.problem.groups, true.blocks), true)
+    again = adjust_problem(problem_of(corrected, result.problem.groups, true.blocks), true)
     assert again.cost < 1e-3 * result.cost
     assert (result.cost - again.cost) / gain == pytest.approx(1.0, rel=0.05)
     centres = again.values.position - result.values.position

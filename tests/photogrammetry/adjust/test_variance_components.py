@@ -7,11 +7,11 @@ import pytest
 from simulated_blocks import camera, simulated, with_pixels
 from test_precision import POSE_COV, aerial
 
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.groups import control_points, weight_of
 from insgnss.photogrammetry.adjust.normals import problem_of
 from insgnss.photogrammetry.adjust.precision import precision_of
-from insgnss.photogrammetry.adjust.variance_components import reweighted
+from insgnss.photogrammetry.adjust.variance_components import reweight_block
 
 SHAPE = {"strips": 3, "images": 6, "points": 150}
 
@@ -25,7 +25,7 @@ def found(seed, pose=1.0, pixels=1.0, **shape):
     seen = made.block.observations
     block = with_pixels(made.block, seen.uv, seen.sigma_px / np.sqrt(pixels))
     groups = aerial(made, np.random.default_rng([5, seed]), claimed=POSE_COV / pose)
-    got = reweighted(problem_of(block, groups + control_points(block.control)), made.truth)
+    got = reweight_block(problem_of(block, groups + control_points(block.control)), made.truth)
     assert got.converged
     return {c.name: c for c in got.precision.components()}, got
 
@@ -71,11 +71,11 @@ def test_the_covariance_follows_the_factors() -> None:
     made = simulated(73, cameras=(camera(free=()),), control=0, **SHAPE)
     rng = np.random.default_rng(9)
     stated = aerial(made, rng, claimed=POSE_COV / 2.5)
-    got = reweighted(problem_of(made.block, stated), made.truth)
+    got = reweight_block(problem_of(made.block, stated), made.truth)
     factor = got.factors["pose"]
     weights = [g.weight for g in got.precision.result.problem.groups]
     assert weights[0] == pytest.approx(weight_of(POSE_COV / 2.5 * factor, "pose"), rel=1e-9)
     true = [replace(g, weight=weight_of(POSE_COV, "pose")) for g in stated]
-    want = precision_of(adjusted(problem_of(made.block, true), made.truth), 1.0)
+    want = precision_of(adjust_problem(problem_of(made.block, true), made.truth), 1.0)
     sigmas = [np.sqrt(np.diagonal(p.pose_cov, 0, 1, 2)) for p in (got.precision, want)]
     assert sigmas[0] == pytest.approx(sigmas[1], rel=0.15)  # half of three times 0.1

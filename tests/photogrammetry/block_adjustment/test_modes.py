@@ -15,7 +15,7 @@ from insgnss.io.formats.blocks.image_points import read_image_points, write_imag
 from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.photogrammetry.adjust.aerial import BORESIGHT
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
-from insgnss.photogrammetry.block_adjustment.plan import planned
+from insgnss.photogrammetry.block_adjustment.plan import plan_block
 
 EO = "02_Processed/GPS-INS/eo.json"
 
@@ -270,7 +270,7 @@ def test_the_command_line(flown, tmp_path, capsys) -> None:
 @pytest.mark.parametrize("mode", ["fast_at", "direct"])
 def test_a_plan_says_what_comes_out(calibrated, done, mode) -> None:
     """Sigmas of check points of the dry run beside those of the adjustment, from the same poses."""
-    plan = planned(in_mode(calibrated, mode), quiet)
+    plan = plan_block(in_mode(calibrated, mode), quiet)
     name = {"fast_at": "FAT Ap/Aa", "direct": "direct"}[mode]
     rows = [
         np.array([c["sigma_adjusted_m"] for c in figures["check_points"] if "sigma_m" in c])

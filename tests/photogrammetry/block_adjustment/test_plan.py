@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from insgnss.cli.main import main
-from insgnss.photogrammetry.block_adjustment.plan import planned
+from insgnss.photogrammetry.block_adjustment.plan import plan_block
 from insgnss.report.charts.files import charts_of
 
 
@@ -16,7 +16,7 @@ def quiet(_: str) -> None:
 
 @pytest.fixture(scope="module")
 def plan(flown):
-    return planned(flown.block, quiet)
+    return plan_block(flown.block, quiet)
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.io.formats.blocks.ground_points import GroundAxes, read_ground_points
-from insgnss.photogrammetry.block_adjustment.aerial.control import differenced
+from insgnss.photogrammetry.block_adjustment.aerial.control import velocities_by_differences
 from insgnss.photogrammetry.block_adjustment.aerial.first_poses import (
     FirstPoses,
     first_attitudes,
@@ -226,7 +226,7 @@ def test_velocities_are_differences_within_a_line():
     x = np.array([0.0, 20.0, 40.0, 40.0, 20.0, 0.0, 20.0])
     position = np.column_stack([x, 50.0 * (time > 10.0), 0.0 * x])
     images = SimpleRows(time=time, position_m=position)
-    got = differenced(images)
+    got = velocities_by_differences(images)
     assert got[:, 0] == pytest.approx([10.0, 10.0, 10.0, -10.0, -10.0, -10.0, 0.0], abs=2e-3)
     assert np.abs(got[:, 1:]).max() < 1e-3
 

@@ -31,7 +31,7 @@ from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.plausibility import refuse_implausible
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.photogrammetry.block_adjustment.trials import converging
-from insgnss.photogrammetry.block_adjustment.vehicle.observed import observed
+from insgnss.photogrammetry.block_adjustment.vehicle.observed import observed_target
 from insgnss.photogrammetry.block_adjustment.vehicle.rays import _refuse_sizes
 from insgnss.photogrammetry.block_adjustment.vehicle.track import Track, along_course
 from insgnss.photogrammetry.block_adjustment.vehicle.verdict import frame_of
@@ -456,7 +456,7 @@ def points_of(rows: list[tuple[str, str]]) -> ImagePoints:
 def test_one_name_in_all_images_is_divided_by_images() -> None:
     """Oracle: names by hand; tie points and pixels stay."""
     given = points_of([("a", "T1"), ("a", "KITE"), ("b", "KITE"), ("b", "T1"), ("c", "KITE")])
-    got = observed(given, "KITE")
+    got = observed_target(given, "KITE")
     assert got.images == ("a", "b", "c")
     assert got.points == ("KITE_a", "KITE_b", "KITE_c")
     assert got.divided == ("KITE",)
@@ -472,9 +472,9 @@ def test_one_name_in_all_images_is_divided_by_images() -> None:
     assert seen.uv.tolist() == given.observations.uv.tolist()
     # of a prefix only what several images have is divided
     mixed = points_of([("a", "K_a"), ("b", "K_b"), ("c", "K_b")])
-    got = observed(mixed, "K_")
+    got = observed_target(mixed, "K_")
     assert got.points == ("K_a", "K_b'", "K_c")
-    assert observed(points_of([("a", "K_a"), ("b", "K_b")]), "K_").divided == ()
+    assert observed_target(points_of([("a", "K_a"), ("b", "K_b")]), "K_").divided == ()
 
 
 @pytest.mark.parametrize(
@@ -493,7 +493,7 @@ def test_one_name_in_all_images_is_divided_by_images() -> None:
 def test_names_that_cannot_be_a_vehicle_are_refused(rows, target, ground, words) -> None:
     """Oracle: the words."""
     with pytest.raises(InputError, match=words):
-        observed(points_of(rows), target, ground)
+        observed_target(points_of(rows), target, ground)
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from insgnss.io.formats.orientation.eo_local_plane import write_eo_local_plane
 from insgnss.io.formats.orientation.generic_ascii import write_generic_ascii
 from insgnss.navigation.orient.frame import in_frame
 from insgnss.photogrammetry.comparison.compare import compare_files, compare_poses
-from insgnss.photogrammetry.comparison.matching import covered, match, times
+from insgnss.photogrammetry.comparison.matching import covered_instants, match, times
 from insgnss.photogrammetry.comparison.reading import read_poses
 from insgnss.photogrammetry.comparison.result import Comparison
 from insgnss.report.charts.files import charts_of
@@ -327,7 +327,7 @@ def test_gaps_of_three_steps_are_interpolated() -> None:
         samples = np.concatenate([before, before[-1] + gap + before])
         wanted = np.array([-0.01, 0.0, 1.0, before[-1] + 0.1, samples[-1], samples[-1] + 0.01])
         expected = [False, True, True, inside, True, False]
-        assert covered(samples, wanted).tolist() == expected
+        assert covered_instants(samples, wanted).tolist() == expected
 
 
 @pytest.mark.parametrize("weeks", [-1, 1, 3])

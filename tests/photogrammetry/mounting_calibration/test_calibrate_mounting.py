@@ -21,7 +21,7 @@ from insgnss.geodesy.rotation import (
 from insgnss.io.formats.bundle.micmac import read_micmac_xml, write_micmac_xml
 from insgnss.io.formats.orientation.mounting_file import read_mounting_file
 from insgnss.navigation.orient.frame import in_frame
-from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.adjustment import adjust_problem
 from insgnss.photogrammetry.adjust.aerial import BORESIGHT, CAMERA_LEVER_ARM, EXPOSURE_DELAY
 from insgnss.photogrammetry.adjust.precision import precision_of
 from insgnss.photogrammetry.adjust.unknowns import POSE
@@ -133,9 +133,9 @@ def test_two_steps_are_one(flown) -> None:
         lever_arm_sigma_m=(0.3, 0.3, 0.3),
     )
     inputs = inputs_of(replace(block, aerial_control=open_to), lambda _: None)
-    one = precision_of(adjusted(*set_up(inputs, control_of(inputs))))
+    one = precision_of(adjust_problem(*set_up(inputs, control_of(inputs))))
     alone, _ = set_up(inputs, Control((), {}, (), "none"))
-    two = precision_of(adjusted(alone, replace(one.result.values, blocks={})))
+    two = precision_of(adjust_problem(alone, replace(one.result.values, blocks={})))
     order = np.argsort(inputs.eo_row)
     poses = CameraPoses(
         tuple(inputs.block.images[k] for k in order),

@@ -13,7 +13,7 @@ from insgnss.geodesy.frames import TangentPlane
 from insgnss.io.formats.blocks.ground_points import GroundAxes, GroundTable
 from insgnss.photogrammetry.mounting_calibration.intersections import surveyed_points
 from insgnss.photogrammetry.mounting_calibration.options import PlaceOptions
-from insgnss.photogrammetry.mounting_calibration.poses import joined, read_camera_poses
+from insgnss.photogrammetry.mounting_calibration.poses import join_by_name, read_camera_poses
 from insgnss.photogrammetry.mounting_calibration.records import CameraPoses
 
 ORIGIN = np.array([np.radians(46.57), np.radians(6.54), 0.0])
@@ -74,7 +74,7 @@ def test_poses_of_any_format_give_the_same_lever_arm(flight, tmp_path, form) -> 
 
 def test_names_are_joined_without_their_endings(tmp_path) -> None:
     """Oracle: names by hand."""
-    first, second, notes = joined(
+    first, second, notes = join_by_name(
         ("a/DSC1.JPG", "a/DSC2.JPG"), ("DSC2", "DSC3"), tmp_path / "p", tmp_path / "q", 1
     )
     assert (first.tolist(), second.tolist()) == ([1], [0])

@@ -18,7 +18,7 @@ from insgnss.photogrammetry.targets.matching import Freedom
 from insgnss.photogrammetry.targets.measurement import MeasuredTarget, Rules, deformation, measure
 from insgnss.photogrammetry.targets.prediction import predict
 from insgnss.photogrammetry.targets.signals import Signal, cross, disc, picture, quadrants
-from insgnss.photogrammetry.targets.template import Template, rotated
+from insgnss.photogrammetry.targets.template import Template, rotated_axes
 
 Array = NDArray[np.float64]
 KINDS = {
@@ -156,11 +156,11 @@ def test_ground_that_is_steep_deforms_a_target_seen_from_the_side() -> None:
     """Oracle: the plane through the point, drawn by hand: pixels G + g s^T by metres."""
     B = np.array([[50.0, 0.0, 25.0], [0.0, -50.0, 10.0]])
     s = np.array([0.2, -0.1])
-    template = Template(quadrants(0.3), rotated(B, 0.0), B[:, 2])
+    template = Template(quadrants(0.3), rotated_axes(B, 0.0), B[:, 2])
     steep = B[:, :2] + np.outer(B[:, 2], s)
     M = B[:, :2] @ np.linalg.inv(steep)
     assert deformation(M, Freedom().deformation(template)) < 1.2
-    level = Template(quadrants(0.3), rotated(B, 0.0))
+    level = Template(quadrants(0.3), rotated_axes(B, 0.0))
     assert deformation(M, Freedom().deformation(level)) > 1.5
 
 

@@ -9,7 +9,7 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.photogrammetry.targets.measurement import correlation_maps
 from insgnss.photogrammetry.targets.signals import Signal, cross, disc, picture, quadrants
-from insgnss.photogrammetry.targets.template import Template, rotated
+from insgnss.photogrammetry.targets.template import Template, rotated_axes
 
 
 def _at(signal: Signal, *places: tuple[float, float]) -> list[float]:
@@ -47,7 +47,7 @@ def test_what_is_no_target_is_refused(make: object, words: str) -> None:
 
 def test_azimuth_is_clockwise_from_north() -> None:
     """Oracle: by hand; an image with north up, whose rows run south."""
-    G = rotated(np.array([[50.0, 0.0, 0.0], [0.0, -50.0, 0.0]]), np.radians(90.0))
+    G = rotated_axes(np.array([[50.0, 0.0, 0.0], [0.0, -50.0, 0.0]]), np.radians(90.0))
     np.testing.assert_allclose(G @ [0.0, 1.0], [50.0, 0.0], atol=1e-9)  # its north points east
     np.testing.assert_allclose(G @ [1.0, 0.0], [0.0, 50.0], atol=1e-9)  # its east points south
 
@@ -67,7 +67,7 @@ def test_correlation_is_that_of_the_definition() -> None:
     """Oracle: numpy's coefficient over the pixels within the signal, place by place."""
     rng = np.random.default_rng(3)
     window = rng.uniform(0, 255, (40, 44))
-    t = Template(quadrants(0.3), rotated(np.array([[50.0, 5.0, 0], [2.0, -45.0, 0]]), 0.4))
+    t = Template(quadrants(0.3), rotated_axes(np.array([[50.0, 5.0, 0], [2.0, -45.0, 0]]), 0.4))
     got = correlation_maps(window, [t], 0.7)[0]
     half = int(np.ceil(t.reach_px))
     at = np.arange(-half, half + 1)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....base.errors import DataError, InsgnssError
-from ....base.files import picked
+from ....base.files import pick_attributes
 from ....base.wording import command_line, some
 from ....geodesy.frames import ecef_to_geodetic
 from ....report.document import Document, Section, Table
@@ -114,11 +114,13 @@ def _document(receiver: Receiver, survey: Survey) -> Mapping[str, Any]:
     return {
         "role": _role(receiver, survey),
         "files": [str(path) for path in receiver.files],
-        **picked(receiver.header, "marker", "receiver", "antenna"),
+        **pick_attributes(receiver.header, "marker", "receiver", "antenna"),
         "antenna_delta_m": receiver.header.antenna_delta_m.tolist(),
         "rinex": receiver.header.version,
         "minutes": (receiver.last_s - receiver.first_s) / 60.0,
-        **picked(receiver, "interval_s", "epochs", "gaps", "events", "satellites", "bands"),
+        **pick_attributes(
+            receiver, "interval_s", "epochs", "gaps", "events", "satellites", "bands"
+        ),
     }
 
 

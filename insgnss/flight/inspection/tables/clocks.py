@@ -11,7 +11,7 @@ import numpy as np
 
 from ....io.formats.text.headers import TIME_FACTORS
 from ....records import Array
-from .names import CLOCK_NAMES, WEEK_NAMES, UnknownTable, bare, spellings, squashed
+from .names import CLOCK_NAMES, WEEK_NAMES, UnknownTable, bare, spellings, squash_name
 
 UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
 EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receivers leave fixes out
@@ -99,7 +99,7 @@ def clocks_by_values(grid: UnknownTable, longest_step: float, taken: set[int]) -
     for k, name in enumerate(grid.names):
         steps = np.diff(grid.values[:, k])
         counts = (steps == 1.0).mean() > 0.5 or (
-            name is not None and COUNTER.fullmatch(squashed(name)) is not None
+            name is not None and COUNTER.fullmatch(squash_name(name)) is not None
         )
         if k in taken or counts:
             continue
@@ -131,7 +131,7 @@ def _best_first(grid: UnknownTable, units: dict[int, str]) -> dict[int, str]:
 
     def rank(item: tuple[int, str]) -> tuple[bool, bool, bool]:
         k, unit = item
-        of_week = beside_week and squashed(grid.names[k] or "").endswith("tow")
+        of_week = beside_week and squash_name(grid.names[k] or "").endswith("tow")
         return (
             not of_week,
             not float(np.median(grid.values[:, k])) * tick(unit) > UNIX_FROM,
@@ -158,14 +158,14 @@ def seconds_and_fractions(names: Sequence[str | None]) -> dict[int, tuple[int, s
         (fine, key, match)
         for fine, name in enumerate(names)
         for key, pattern in FRACTIONS.items()
-        if (match := pattern.fullmatch(squashed(name or "")))
+        if (match := pattern.fullmatch(squash_name(name or "")))
     )
     for fine, key, match in candidates:
         whole = [
             k
             for k, column in enumerate(names)
             if k != fine
-            and (m := SECONDS_SUFFIX.fullmatch(squashed(column or "")))
+            and (m := SECONDS_SUFFIX.fullmatch(squash_name(column or "")))
             and m[1] == match[1]
         ]
         if len(whole) == 1:
@@ -209,7 +209,7 @@ def weeks(grid: UnknownTable) -> list[int]:
     out = []
     for k, name in enumerate(grid.names):
         column = grid.values[:, k]
-        if name is not None and squashed(name) not in WEEK_NAMES:
+        if name is not None and squash_name(name) not in WEEK_NAMES:
             continue
         is_week = np.ptp(column) <= 2 and (column == np.round(column)).all()
         if is_week and column.min() >= 500 and column.max() <= 4000:

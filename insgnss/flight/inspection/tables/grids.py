@@ -20,7 +20,7 @@ from ....io.formats.text.order import SHARE_LIMIT
 from ....io.formats.text.text import read_table
 from ....records import Array
 from .clocks import seconds_and_fractions
-from .names import UnknownTable, squashed
+from .names import UnknownTable, squash_name
 
 FEWEST_ROWS = 20  # of a table that is a recording (chosen)
 SENSOR_STEMS = {
@@ -87,7 +87,9 @@ def _sensors_apart(content: Any) -> Iterator[GridTable]:
     """
     triads: dict[str, tuple[str, Array]] = {}
     for name, node in content.items():
-        sensor = next((key for key, stems in SENSOR_STEMS.items() if squashed(name) in stems), None)
+        sensor = next(
+            (key for key, stems in SENSOR_STEMS.items() if squash_name(name) in stems), None
+        )
         if sensor is not None and isinstance(node, Matrix) and node.values.shape[1] in (3, 4):
             triads.setdefault(sensor, (name, node.values.astype(np.float64)))
     if len(triads) != len(SENSOR_STEMS):

@@ -18,7 +18,7 @@ from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ..sources import InputSource, Role
 from .clocks import clocks, fraction_of, week_column
 from .grids import GridTable
-from .names import ACCEL, GYRO, Roles, UnknownTable, squashed
+from .names import ACCEL, GYRO, Roles, UnknownTable, squash_name
 
 TRIAD_COLUMNS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
 IN_NAME: dict[Role, tuple[str, ...]] = {  # of a file
@@ -86,7 +86,7 @@ def _triad(path: Path, grid: UnknownTable) -> tuple[Role, dict[str, int]] | None
             return role, dict(zip(canonical, places, strict=True))
     if any("(" in (grid.names[k] or "") or "[" in (grid.names[k] or "") for k in places):
         return None  # a unit of something else
-    stem = squashed(path.stem)
+    stem = squash_name(path.stem)
     by_name = [role for role, stems in IN_NAME.items() if any(one in stem for one in stems)]
     if len(by_name) != 1:
         return None
@@ -142,7 +142,7 @@ def of_two_halves(
             f"{sensors[0].what}: {LACKS[sensors[0].role]} are missing; give their file as well, "
             "put both sensors into one table, or name the columns gx gy gz and ax ay az",
         )
-    gyro, accel = (_calibrated(sources) for sources in (gyros, accels))
+    gyro, accel = (_calibrated_source(sources) for sources in (gyros, accels))
     pairs = [
         (g, a)
         for g in (gyro, *gyro.other_clocks)
@@ -158,7 +158,7 @@ def of_two_halves(
     return replace(first, other_clocks=tuple(further))
 
 
-def _calibrated(sources: tuple[InputSource, ...]) -> InputSource:
+def _calibrated_source(sources: tuple[InputSource, ...]) -> InputSource:
     """The one source of a sensor; of several the one that is not called raw."""
     usual = [source for source in sources if "uncalibrated" not in source.path.stem.lower()]
     chosen = usual or list(sources)

@@ -35,7 +35,7 @@ AXIS_WORDS = {axis for axes in AXES_OF_TRIADS for axis in axes if axis.isalpha()
 OF_VALUES = tuple(kind for kind in SENSOR_SCALES if kind != "time")
 
 
-def squashed(name: str) -> str:
+def squash_name(name: str) -> str:
     """Return a name without case, blanks and signs; brackets with a unit are left out."""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name.lower()))
 
@@ -45,13 +45,13 @@ def spellings(name: str) -> list[str]:
 
     So `field.header.stamp` is `stamp` too, and `/imu/data/gyro/x` is `x`.
     """
-    return [squashed(suffix) for suffix in _name_parts(name)]
+    return [squash_name(suffix) for suffix in _name_parts(name)]
 
 
 def bare(name: str, kinds: Sequence[str]) -> list[str]:
     """Return the spellings of a name without a unit of one of `kinds`, where it has one."""
     return [
-        squashed(stem) for suffix in _name_parts(name) for stem, _ in without_unit(suffix, kinds)
+        squash_name(stem) for suffix in _name_parts(name) for stem, _ in without_unit(suffix, kinds)
     ]
 
 
@@ -121,7 +121,7 @@ class UnknownTable:
         columns: dict[str, int] = {}
         for k, name in enumerate(self.names):
             if name is not None:
-                columns.setdefault(squashed(name), k)
+                columns.setdefault(squash_name(name), k)
         for k, name in enumerate(self.names):
             for abbreviation in spellings(name)[1:] if name is not None else ():
                 columns.setdefault(abbreviation, k)
@@ -175,7 +175,7 @@ class UnknownTable:
         """Index by what stands behind the first underscore: that of a chip, as in mpu_ax."""
         columns: dict[str, int] = {}
         for k, name in enumerate(self.names):
-            columns.setdefault(squashed((name or "").partition("_")[2]), k)
+            columns.setdefault(squash_name((name or "").partition("_")[2]), k)
         if self.named.keys() >= INCREMENT_ROLES:  # of an Inertial Sense uINS
             columns |= {f"dtheta{axis}": self.named[f"theta{axis}"] for axis in range(3)}
             columns |= {f"dvel{axis}": self.named[f"vel{axis}"] for axis in range(3)}

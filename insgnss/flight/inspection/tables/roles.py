@@ -23,7 +23,7 @@ from ....io.formats.gnss.rounding import floor_of_zeros, is_held
 from ....records import Array
 from .clocks import clocks, clocks_by_values, week_column, weeks
 from .metres import as_geodetic, in_metres
-from .names import ACCEL, GYRO, Roles, UnknownTable, squashed
+from .names import ACCEL, GYRO, Roles, UnknownTable, squash_name
 from .places import TENTH_MICRODEGREES, angle_unit, gnss_by_values
 from .quality import codes_of, quality_by_values
 
@@ -320,7 +320,7 @@ def _quality(grid: UnknownTable, columns: dict[str, int], units: dict[str, str])
     codes = None if sigma is None else codes_of(column, sigma)
     if codes == "nmea":
         units["quality"] = codes
-    elif codes is None and squashed(name) not in OF_QUALITY:
+    elif codes is None and squash_name(name) not in OF_QUALITY:
         return {"q": "a quality whose codes may be RTKLIB's or NMEA's, which contradict each other"}
     return {}
 

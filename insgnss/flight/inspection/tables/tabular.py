@@ -278,7 +278,7 @@ def _add_sigmas(entry: Keys, grid: UnknownTable, columns: dict[str, int]) -> Non
     """Add a single-point receiver's standard deviations where fixes have none."""
     if not SIGMA_ROLES & columns.keys():
         entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
-    elif unstated := _unstated(grid, columns):
+    elif unstated := _count_unstated_sigmas(grid, columns):
         reason = (
             f"{unstated} of {len(grid.values)} fixes have no standard deviation, or 0; the values "
             "are typical of a single-point receiver"
@@ -288,7 +288,7 @@ def _add_sigmas(entry: Keys, grid: UnknownTable, columns: dict[str, int]) -> Non
         entry.set("sigma_velocity_mps", SINGLE_POINT["sigma_velocity_mps"], NO_VELOCITY_SIGMA)
 
 
-def _unstated(grid: UnknownTable, columns: dict[str, int]) -> int:
+def _count_unstated_sigmas(grid: UnknownTable, columns: dict[str, int]) -> int:
     """Count the fixes without a standard deviation, or with a zero that is no rounded one."""
     sigmas = [np.nan_to_num(grid.values[:, columns[role]]) for role in SIGMA_ROLES & columns.keys()]
     zero = [sigma == 0.0 for sigma in sigmas if floor_of_zeros(sigma) is None]

@@ -171,7 +171,9 @@ def images_of(
                 of_clock[key] = Instants(segment, key[1], recording.gps_week, neighbours)
             instants.append(of_clock[key])
             if chosen.rows.size:
-                parts.append((chosen, k, _exposed(camera, chosen, of_clock[key].trajectory)))
+                parts.append(
+                    (chosen, k, _trajectory_at_exposures(camera, chosen, of_clock[key].trajectory))
+                )
         if parts:
             images.append(
                 CameraImages(
@@ -187,7 +189,9 @@ def images_of(
     return images
 
 
-def _exposed(camera: CameraExposures, chosen: ExposedRows, at_instants: Trajectory) -> Trajectory:
+def _trajectory_at_exposures(
+    camera: CameraExposures, chosen: ExposedRows, at_instants: Trajectory
+) -> Trajectory:
     """Return the trajectory at the exposures of a camera in a segment."""
     every = chosen.instant.size == len(at_instants)
     exposed = at_instants if every else at_instants[chosen.instant]

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
-from ....base.wording import named
+from ....base.wording import spell
 from ....records import Array
 
 Content = Mapping[str, Any]
@@ -100,7 +100,7 @@ def take_columns(
     """
     if isinstance(columns, Mapping):
         table = {
-            name: _column(path, content, _joined(variable, field))
+            name: _column(path, content, _joined_name(variable, field))
             for name, field in columns.items()
         }
         sizes = {name: column.size for name, column in table.items()}
@@ -112,24 +112,24 @@ def take_columns(
     if variable is None and "" not in content:
         raise UsageError(
             f"{path}: a list of columns needs the name of its matrix; set"
-            f" {named('variable')} to one of {', '.join(content)}"
+            f" {spell('variable')} to one of {', '.join(content)}"
         )
     if twice := [name for name in columns if name != "-" and list(columns).count(name) > 1]:
         raise UsageError(
-            f"{path}: {named('columns')} names {twice[0]} twice: {list(columns)}; name it once"
+            f"{path}: {spell('columns')} names {twice[0]} twice: {list(columns)}; name it once"
         )
     matrix = _matrix(path, _reach(path, content, variable or ""), variable or "the array")
     if matrix.shape[1] != len(columns):
         raise InputError(
             f"{path}: {variable or 'the array'} has the shape {matrix.shape}, but"
-            f" {named('columns')} names {len(columns)}: {list(columns)}"
+            f" {spell('columns')} names {len(columns)}: {list(columns)}"
         )
     return {
         name: np.ascontiguousarray(matrix[:, i]) for i, name in enumerate(columns) if name != "-"
     }
 
 
-def _joined(variable: str | None, field: str) -> str:
+def _joined_name(variable: str | None, field: str) -> str:
     if not variable:
         return field
     is_index = field.startswith("[") and _INDEXED.fullmatch(field)

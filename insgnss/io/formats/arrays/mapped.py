@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from ....base.errors import InputError, UsageError
-from ....base.wording import named
+from ....base.wording import spell
 from ....records import Array, GnssFixes, ImuSamples
 from ....records.observations import OF_THE_SOLUTION
 from ..gnss import gnss_text
@@ -28,20 +28,20 @@ from .content import Content, take_columns
 OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *FIX_SIGMAS, *VELOCITY_SIGMA, "sd_ne")
 
 
-def _taken(
+def _take_variables(
     spec: TableSpec, path: object, content: Content, options: ReadOptions
 ) -> dict[str, Array]:
     columns = options.columns or ()
     names = list(columns)
     if isinstance(columns, Mapping) and (unknown := [n for n in names if n not in spec.names]):
         raise UsageError(
-            f"{path}: {named('columns')}: {unknown[0]!r} is none of {', '.join(spec.names)}"
+            f"{path}: {spell('columns')}: {unknown[0]!r} is none of {', '.join(spec.names)}"
         )
     taken = take_columns(path, content, columns, options.variable)
     cols = {name: column for name, column in taken.items() if name in spec.names}
     if missing := [name for name in spec.required.split() if name not in cols]:
         raise InputError(
-            f"{path}: {named('columns')} does not name {', '.join(missing)}; give it a name or a"
+            f"{path}: {spell('columns')} does not name {', '.join(missing)}; give it a name or a"
             " place in the file"
         )
     return cols
@@ -71,15 +71,15 @@ def imu_of_content(path: object, content: Content, options: ReadOptions) -> ImuS
     """
     spec = imu_csv.with_required(imu_csv.required_columns(options.rate_hz))
     lines = NumberedRows(str(path))
-    cols = _taken(spec, path, content, options)
+    cols = _take_variables(spec, path, content, options)
     _finite(cols, lines)
     kinds = imu_csv.kinds_of(options.quantity)
-    settled = _settled(spec, path, options, spec.checked_units(options.units), kinds)
+    settled = _settle_units(spec, path, options, spec.checked_units(options.units), kinds)
     scales = imu_csv.scales_of(settled, kinds)
     return imu_csv.imu_from_columns(cols, lines, scales, options, settled.notes)
 
 
-def _settled(
+def _settle_units(
     spec: TableSpec,
     path: object,
     options: ReadOptions,
@@ -119,10 +119,10 @@ def gnss_of_content(path: object, content: Content, options: ReadOptions) -> Gns
     """
     spec, repeat_column = gnss_text.spec_of(options.columns or ()), options.repeat_column
     units = spec.checked_units(options.units, "quality")
-    settled = _settled(spec, path, options, units)
+    settled = _settle_units(spec, path, options, units)
     scales = gnss_text.fix_scales(settled, units)
     geoid_m, more = settled_undulation(path, None, _fields(options, ("h",)), options.undulation_m)
-    table = _taken(spec, path, content, options)
+    table = _take_variables(spec, path, content, options)
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
         mark = table.get(repeat_column)

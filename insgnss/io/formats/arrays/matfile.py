@@ -68,7 +68,7 @@ def read_mat(data: bytes, path: object = "MAT-file") -> dict[str, Any]:
     from scipy.io import loadmat
 
     if len(data) >= MAT_HEADER_BYTES and data[126:128] in (b"IM", b"MI"):
-        data = _checked(data, "<" if data[126:128] == b"IM" else ">", path)
+        data = _check_lengths(data, "<" if data[126:128] == b"IM" else ">", path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -108,16 +108,16 @@ def _struct(item: Any) -> dict[str, Any]:
     return {printable(name): _plain(item[name]) for name in item.dtype.names}
 
 
-def _checked(data: bytes, order: str, path: object) -> bytes:
+def _check_lengths(data: bytes, order: str, path: object) -> bytes:
     """The file with its variables inflated, after a look at every length."""
     elements = list(_elements(memoryview(data)[MAT_HEADER_BYTES:], order))
-    stated = sum(_stated(kind, body, order) for kind, body in elements)
+    stated = sum(_stated_length(kind, body, order) for kind, body in elements)
     check_unpacked(path, stated, packed=len(data))
     # without the offset of MATLAB's own subsystem data, which moves
     parts = [data[:116] + bytes(8) + data[124:MAT_HEADER_BYTES]]
     for kind, body in elements:
         if kind == COMPRESSED:
-            kind, body = _inflated(body, order)
+            kind, body = _inflate_element(body, order)
         if kind != MAT_MATRIX:
             raise Damaged(f"an element of type {kind} instead of a variable")
         _check_matrix(body, order, 0)
@@ -148,18 +148,18 @@ def _elements(data: Bytes, order: str) -> Iterator[tuple[int, Bytes]]:
         yield kind, data[start : start + size]
 
 
-def _stated(kind: int, body: Bytes, order: str) -> int:
+def _stated_length(kind: int, body: Bytes, order: str) -> int:
     """How many bytes a variable has, once it is inflated."""
     if kind != COMPRESSED:
         return len(body)
     try:
         head = zlib.decompressobj().decompress(body, TAG_BYTES)
-    except zlib.error:  # as `_inflated` reports
+    except zlib.error:  # as `_inflate_element` reports
         return 0
     return int(np.frombuffer(head, order + "u4", 2)[1]) if len(head) == TAG_BYTES else 0
 
 
-def _inflated(body: Bytes, order: str) -> tuple[int, Bytes]:
+def _inflate_element(body: Bytes, order: str) -> tuple[int, Bytes]:
     """Type and content of a deflated element."""
     stream = zlib.decompressobj()
     try:

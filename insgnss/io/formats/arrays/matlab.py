@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ....base.errors import InputError, installed, legible
+from ....base.errors import InputError, legible, required_library
 from ....base.unpacking import check_unpacked
 from ....base.wording import DOCTOR
 from ..text.layout import printable
@@ -33,14 +33,14 @@ def load_matlab(path: Source) -> Content:
     """
     data = load_bytes(path).tobytes()
     if HDF5 in data[:1024]:
-        return _labelled(_hdf5(path))
+        return _with_labels(_hdf5(path))
     try:
         variables = read_mat(data, path)
     except Damaged as error:
         raise InputError.in_file(
             path, f"is no whole MATLAB file ({error}); copy it again from its source"
         ) from None
-    return _labelled({name: _plain(node) for name, node in variables.items()})
+    return _with_labels({name: _plain(node) for name, node in variables.items()})
 
 
 def _plain(node: Any) -> Any:
@@ -52,7 +52,7 @@ def _plain(node: Any) -> Any:
     return matrix_of(node) if node.size and node.dtype != object else node.reshape(-1)
 
 
-def _labelled(content: dict[str, Any]) -> dict[str, Any]:
+def _with_labels(content: dict[str, Any]) -> dict[str, Any]:
     """Content with the labels at their matrices."""
     out = dict(content)
     for name, node in content.items():
@@ -68,7 +68,7 @@ def _hdf5(path: Source) -> dict[str, Any]:
         "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7;"
         f" {DOCTOR}"
     )
-    with installed(problem, path):
+    with required_library(problem, path):
         import h5py
 
     def stated(node: Any, depth: int = 0) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ....base.errors import InputError, legible
-from ....base.inputs import opened
+from ....base.inputs import open_bytes
 from ....base.unpacking import check_archive
 from ..text.layout import printable
 from ..text.text import Source
@@ -33,16 +33,16 @@ def load_numpy(path: Source) -> Content:
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("error")
-        with opened(path) as stream:
+        with open_bytes(path) as stream:
             packed = stream.read(2) == b"PK"
         if packed:
             with (
-                opened(path) as stream,
+                open_bytes(path) as stream,
                 np.load(stream, allow_pickle=False) as archive,
             ):
                 check_archive(path, archive.zip)
                 return {printable(name): _plain(archive[name]) for name in archive.files}
-        with opened(path) as stream:
+        with open_bytes(path) as stream:
             array = np.load(stream, allow_pickle=False)
             expected, size = stream.tell(), stream.seek(0, os.SEEK_END)
         if size != expected:

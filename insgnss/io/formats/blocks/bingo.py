@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from ....base.errors import DataError, InputError, near
-from ..text.layout import shown
-from ..text.text import Source, decoded, numbered_lines
+from ..text.layout import quote
+from ..text.text import Source, decode_text, numbered_lines
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, check_once, file_names, image_points, of_table
@@ -73,14 +73,14 @@ def read_bingo(
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
     inside, ended, line, within = False, False, 0, 0
-    for line, row in numbered_lines(decoded(path)):
+    for line, row in numbered_lines(decode_text(path)):
         fields = row.split()
         if fields[0] == END_MARK:
             inside, ended = False, True
         elif len(fields) <= 2:
             if fields[0] in images:
                 raise InputError.at_line(
-                    path, line, f"image {shown(fields[0])} occurs in two blocks; join them into one"
+                    path, line, f"image {quote(fields[0])} occurs in two blocks; join them into one"
                 )
             images.append(fields[0])
             within = line if inside and not within else within
@@ -94,13 +94,13 @@ def read_bingo(
             raise InputError.at_line(
                 path,
                 line,
-                f"{shown(row)}: stands before the first image; begin each block with image and"
+                f"{quote(row)}: stands before the first image; begin each block with image and"
                 " camera",
             )
     if ended and (within or inside):
         problem = f"the previous image lacks its final {END_MARK}, or this line lacks a number"
         if inside:
-            problem = f"truncated: the file ends before the {END_MARK} of image {shown(images[-1])}"
+            problem = f"truncated: the file ends before the {END_MARK} of image {quote(images[-1])}"
         raise InputError.at_line(path, line if inside else within, problem)
     if not image_row:
         raise InputError.in_file(

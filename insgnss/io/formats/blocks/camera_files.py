@@ -78,14 +78,17 @@ def write_cameras(
             f"{path}: {len(cameras)} cameras; a file of {form} holds one: write each by itself"
         )
     notes: list[str] = []
-    ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
+    ready = [
+        _without_lacking_parameters(_forward(camera, form, notes), form, notes)
+        for camera in cameras
+    ]
     stated = covariances or [None] * len(cameras)
     written = [None if c.backward else P for c, P in zip(cameras, stated, strict=True)]
     atomic_write(path, CAMERA_FORMS[form](ready, written))
     return tuple(notes)
 
 
-def _expressed(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
+def _without_lacking_parameters(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     """Return a camera without the parameters that a program lacks, if they are next to nothing."""
     lacking = [k for k in NOT_HELD.get((form, camera.fisheye), ()) if camera.of(k) != 0.0]
     if not lacking:
@@ -116,7 +119,7 @@ def _basis(xy: Array) -> Array:
     return np.concatenate([radial, first[:, :, None], second[:, :, None]], axis=2)
 
 
-def _distorted(camera: BrownCamera, xy: Array) -> Array:
+def _distortion(camera: BrownCamera, xy: Array) -> Array:
     """D of (J.3), (n, 2)."""
     return np.asarray(xy + _basis(xy) @ camera.interior[5:])
 
@@ -124,7 +127,7 @@ def _distorted(camera: BrownCamera, xy: Array) -> Array:
 def _pixels(camera: BrownCamera, xy: Array) -> Array:
     """Pixels (n, 2) of rays in a forward camera (J.4)."""
     f, cx, cy, b1, b2 = camera.interior[:5]
-    x, y = _distorted(camera, xy).T
+    x, y = _distortion(camera, xy).T
     return np.stack([cx + (f + b1) * x + b2 * y, cy + f * y], axis=1)
 
 
@@ -141,7 +144,7 @@ def _grid(camera: BrownCamera) -> tuple[Array, Array]:
     if not camera.backward:
         return uv, m / f
     a = np.stack([(1.0 + b1) * m[:, 0] + b2 * m[:, 1], m[:, 1]], axis=1) / camera.unit_px
-    return uv, camera.unit_px / f * _distorted(camera, a)
+    return uv, camera.unit_px / f * _distortion(camera, a)
 
 
 def _forward(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
@@ -185,7 +188,7 @@ def _start(camera: BrownCamera) -> Array:
 def _jacobian(camera: BrownCamera, xy: Array) -> Array:
     """Derivatives (2 n, 11) of the pixels by the interior orientation."""
     f, _, _, b1, b2 = camera.interior[:5]
-    D, B = _distorted(camera, xy), _basis(xy)
+    D, B = _distortion(camera, xy), _basis(xy)
     J = np.zeros((len(xy), 2, len(INTERIOR)))
     J[:, :, 0] = D
     J[:, 0, 1] = J[:, 1, 2] = 1.0
@@ -272,7 +275,7 @@ def colmap_words(camera: BrownCamera) -> str:
     InputError
         A camera that COLMAP cannot express.
     """
-    ready = _expressed(_forward(camera, "colmap", []), "colmap", [])
+    ready = _without_lacking_parameters(_forward(camera, "colmap", []), "colmap", [])
     return _colmap([ready], [None]).splitlines()[-1].partition(" ")[2]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....base.errors import InputError, installed, legible
+from ....base.errors import InputError, legible, required_library
 from ....base.files import lines_of
 from ....base.units import LARGEST_UNIT, spells_zero
 from ....base.wording import DOCTOR
@@ -23,7 +23,7 @@ from ..bundle.camera import (
     brown_camera,
     of_opencv,
 )
-from ..text.layout import decode, shown
+from ..text.layout import decode, quote
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
 from .image_points import SIGMA_PX, positive_sigma
@@ -128,7 +128,7 @@ def read_colmap_poses(path: Source) -> tuple[tuple[str, ...], Array, Array]:
 
 def _model(path: Path) -> Any:
     """Return the reconstruction that pycolmap reads."""
-    with installed(
+    with required_library(
         "a COLMAP model is read through pycolmap, which is not installed; pip install"
         f" 'insgnss[colmap]', or write the image points as a table; {DOCTOR}"
     ):
@@ -177,7 +177,7 @@ def _refuse_text(directory: Path) -> None:
                 good = good and all(fields[k].isdigit() for k in (0, 2, 3))
             below = name == "images.txt" and not below
             if not good:
-                problem = f"{shown(text)}: a field is missing or is no number"
+                problem = f"{quote(text)}: a field is missing or is no number"
                 raise InputError.at_line(path, line, f"{problem}; {PLAIN}")
 
 

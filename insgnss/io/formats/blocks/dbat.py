@@ -24,7 +24,7 @@ from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ....records.block import ImageObservations as Observations
 from ..text.columns import NamedTable, TableSpec
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import PLAIN, are_whole, finite, whole, whole_rows
 from ..text.order import first_repeat, refuse_rows
 from ..text.text import NumberTable, Source, TextTable, read_table, read_text_table
@@ -154,7 +154,7 @@ def _numbers(script: _Document, text: str | None, name: str, count: int | None =
     values = np.array([finite(word) for word in (text or "").split(",")])
     if (count is not None and values.size != count) or np.isnan(values).any():
         raise script.error(
-            f"<{name}>: {shown(text)} is not {count or 'a list of'} numbers; {PLAIN}, with commas"
+            f"<{name}>: {quote(text)} is not {count or 'a list of'} numbers; {PLAIN}, with commas"
             " between several"
         )
     return values
@@ -330,7 +330,7 @@ def _set_initial(script: _Document, camera: Element, values: dict[str, str]) -> 
         element = camera.find(key)
         if element is None or np.isnan([finite(word) for word in text.split(",")]).any():
             problem = (
-                f"set_initial_values: <{key}> {shown(text)} is not given as a number in <camera>"
+                f"set_initial_values: <{key}> {quote(text)} is not given as a number in <camera>"
             )
             raise script.error(f"{problem}; write the number into <camera> and 'loaded' here")
         element.text = text
@@ -375,7 +375,7 @@ def _camera(script: _Document, camera: Element, free: dict[str, bool]) -> BrownC
     for key, count in (("nK", K.size), ("nP", P.size)):  # K of decimal commas has more of them
         if (text := camera.findtext(key)) is not None and whole(text) != count:
             raise script.error(
-                f"camera {name}: <{key}> {shown(text)}, but {count} coefficients are given; correct"
+                f"camera {name}: <{key}> {quote(text)}, but {count} coefficients are given; correct"
                 " it"
             )
     value = dict.fromkeys(INTERIOR, 0.0)

@@ -16,9 +16,9 @@ from ....base.errors import DataError, InputError
 from ....base.files import atomic_write
 from ....geodesy.crs import is_geographic
 from ..orientation.exported import check_names
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import whole
-from ..text.text import Source, decoded, numbered_lines
+from ..text.text import Source, decode_text, numbered_lines
 from ..text.text import number as number_in
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX, ImagePoints, positive_sigma
@@ -62,7 +62,7 @@ def read_gcp_list(
     positive_sigma(sigma_px, "gcp_list")
     if not min(sigma_m) > 0.0:
         raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
-    text = decoded(path)
+    text = decode_text(path)
     rows = numbered_lines(text)
     crs = head_crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
@@ -78,7 +78,7 @@ def read_gcp_list(
             raise InputError.at_line(
                 path,
                 line,
-                f"{len(fields)} fields: {shown(row.strip())}; a line holds x y z im_x im_y image",
+                f"{len(fields)} fields: {quote(row.strip())}; a line holds x y z im_x im_y image",
             )
         x, y, z, u, v = (number_in(word, path, line) for word in fields[:5])
         position = (x, y, z)
@@ -89,7 +89,7 @@ def read_gcp_list(
             raise InputError.at_line(
                 path,
                 line,
-                f"point {shown(name)} has other coordinates than in line {before}; correct one, or"
+                f"point {quote(name)} has other coordinates than in line {before}; correct one, or"
                 " give it another name",
             )
         lines.append(line)
@@ -122,7 +122,7 @@ def _refuse_cut(path: Source, rows: list[tuple[int, str]]) -> None:
         raise InputError.at_line(
             path,
             line,
-            f"truncated: the file ends within this line, {shown(' '.join(last))}; copy it again or"
+            f"truncated: the file ends within this line, {quote(' '.join(last))}; copy it again or"
             " delete the line",
         )
 
@@ -153,7 +153,7 @@ def head_crs(path: Source, row: tuple[int, str]) -> str:
     line, text = row[0], row[1].strip()
     parts = text.upper().split()
     if not text.upper().startswith(CRS_WORDS):
-        raise InputError.at_line(path, line, f"{shown(text)} is no CRS; {CRS_MISSING}")
+        raise InputError.at_line(path, line, f"{quote(text)} is no CRS; {CRS_MISSING}")
     if parts == ["WGS84"]:
         return "EPSG:4326"
     if parts[:2] == ["WGS84", "UTM"] and len(parts) == 3:
@@ -164,7 +164,7 @@ def head_crs(path: Source, row: tuple[int, str]) -> str:
         CRS.from_user_input(text)
     except CRSError:
         raise InputError.at_line(
-            path, line, f"CRS {shown(text)} is unknown; {CRS_MISSING}"
+            path, line, f"CRS {quote(text)} is unknown; {CRS_MISSING}"
         ) from None
     return text
 

@@ -19,7 +19,7 @@ from ..names import OF_A_REFERENCE, PLACES, ROLE
 from ..orientation.exported import quoted_names
 from ..origins import stated_plane
 from ..text.columns import METRES, Columns, NamedTable, TableOut, TableSpec
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.order import refuse_rows
 from ..text.text import Source, TextTable
 
@@ -221,14 +221,14 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
         A column that is unknown, a field that is no number, a standard deviation that is not
         positive, a role that is none, or a point that is there twice, with file and line.
     """
-    table, unknown = _filled(SPEC.read(path, columns))
+    table, unknown = _fill_unknown(SPEC.read(path, columns))
     points, rows = table.rows_of("point", "point")
-    table.refuse_repeats(lambda row: f"point {shown(points[rows[row]])} is there twice", rows)
+    table.refuse_repeats(lambda row: f"point {quote(points[rows[row]])} is there twice", rows)
     position, sigma = table.block("x y z"), table.positive(SIGMAS, "m")
     roles = [role.lower() for role in table.strings("role")] if "role" in table else []
     for row, role in enumerate(roles):
         if role not in ROLES:
-            raise table.error_at(row, f"role {shown(role)}; {near(role, ROLES)}")
+            raise table.error_at(row, f"role {quote(role)}; {near(role, ROLES)}")
     check = np.array([role == "check" for role in roles] or [False] * len(rows), dtype=bool)
     refuse_rows(
         table,
@@ -243,7 +243,7 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
     return GroundTable(points, position, sigma[:, :, None] ** 2 * np.eye(3), check, True)
 
 
-def _filled(table: NamedTable) -> tuple[NamedTable, NDArray[np.bool_]]:
+def _fill_unknown(table: NamedTable) -> tuple[NamedTable, NDArray[np.bool_]]:
     """Return a table with numbers in the place of coordinates that are not known, and which (n, 3).
 
     Raises

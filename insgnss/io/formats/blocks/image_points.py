@@ -9,7 +9,7 @@ from ....records.block import ImageObservations
 from ..names import IN_IMAGE, sigma_names
 from ..orientation.exported import quoted_names
 from ..text.columns import Columns, TableOut, TableSpec
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.order import refuse_rows
 from ..text.text import Source
 
@@ -98,8 +98,8 @@ def read_image_points(
     points, point = table.rows_of("point", "point")
 
     def measured_twice(row: int) -> str:
-        where = f"in image {shown(images[image[row]])}"
-        return f"point {shown(points[point[row]])} is measured twice {where}"
+        where = f"in image {quote(images[image[row]])}"
+        return f"point {quote(points[point[row]])} is measured twice {where}"
 
     table.refuse_repeats(measured_twice, image, point)
     uv = table.block("x y")

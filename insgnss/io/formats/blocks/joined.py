@@ -47,7 +47,7 @@ class JoinedBlock:
     held: NDArray[np.bool_] | None = None
 
 
-def joined(
+def join_block(
     source: MeasuredBlock,
     ground: GroundTable | None = None,
     eo: ExteriorOrientation | None = None,
@@ -81,7 +81,7 @@ def joined(
         No camera, an observation that lies beside its image, or tables of which one knows no image
         or no point of the other.
     """
-    source = _observed(source)
+    source = _without_empty_images(source)
     if eo is not None and all_oriented:
         source = _with_oriented(source, eo)
     measured = source.measured
@@ -95,7 +95,7 @@ def joined(
     position, C_mc = no_poses(n)
     row = np.full(n, -1, dtype=np.int64)
     if eo is not None:
-        row = matched(measured.images, eo.images)
+        row = match_names(measured.images, eo.images)
         _some(
             int((row >= 0).sum()),
             measured.images,
@@ -120,7 +120,7 @@ def joined(
     return JoinedBlock(block, row, source.position_m, source.C_mc, source.held)
 
 
-def matched(names: Sequence[str], choices: Sequence[str]) -> NDArray[np.int64]:
+def match_names(names: Sequence[str], choices: Sequence[str]) -> NDArray[np.int64]:
     """Return the row of each name among other names.
 
     Parameters
@@ -174,7 +174,7 @@ def _stem(name: str) -> str:
     return PurePosixPath(name.replace("\\", "/")).stem.lower()
 
 
-def _observed(source: MeasuredBlock) -> MeasuredBlock:
+def _without_empty_images(source: MeasuredBlock) -> MeasuredBlock:
     """Return the block without images in which nothing was measured."""
     every = source.measured.observations
     keep = np.unique(every.image)
@@ -198,7 +198,7 @@ def _observed(source: MeasuredBlock) -> MeasuredBlock:
 
 def _with_oriented(source: MeasuredBlock, eo: ExteriorOrientation) -> MeasuredBlock:
     """Return the block with the images that only the orientation has."""
-    oriented = matched(source.measured.images, eo.images)
+    oriented = match_names(source.measured.images, eo.images)
     missing = np.setdiff1d(np.arange(len(eo.images)), oriented)
     names = tuple(eo.images[k] for k in missing)
     position, C_mc = no_poses(missing.size)

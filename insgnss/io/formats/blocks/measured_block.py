@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records.block import Array, BrownCamera, ImageObservations
-from ..text.layout import shown
+from ..text.layout import quote
 from .ground_points import GroundTable
 from .image_points import ImagePoints
 
@@ -83,7 +83,7 @@ class MeasuredBlock:
             names = getattr(self.measured, kind)
             if len(set(names)) < len(names):
                 twice = next(name for k, name in enumerate(names) if name in names[:k])
-                raise InputError(f"MeasuredBlock.{kind}: {shown(twice)} is there twice")
+                raise InputError(f"MeasuredBlock.{kind}: {quote(twice)} is there twice")
 
     @property
     def oriented(self) -> NDArray[np.bool_]:
@@ -170,7 +170,7 @@ def file_names(paths: Sequence[str], path: object) -> tuple[str, ...]:
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
         raise InputError.in_file(
-            path, f"image {shown(twice)} occurs twice; give each image a name of its own"
+            path, f"image {quote(twice)} occurs twice; give each image a name of its own"
         )
     return names
 
@@ -200,7 +200,7 @@ def check_once(
             raise InputError.at_line(
                 path,
                 line,
-                f"point {shown(key[1])} is measured twice in image {shown(key[0])}, before in line"
+                f"point {quote(key[1])} is measured twice in image {quote(key[0])}, before in line"
                 f" {before}; delete one of the lines",
             )
 
@@ -249,7 +249,7 @@ def image_points(
         row = int(np.argmin(keep))
         notes = (
             f"{n_repeated} observations left out: their points are measured more than once in an"
-            f" image, such as {shown(points[rows[row]])} in {shown(images[image_row[row]])}",
+            f" image, such as {quote(points[rows[row]])} in {quote(images[image_row[row]])}",
         )
     sigma = np.repeat(np.asarray(sigma_px, dtype=np.float64).reshape(-1, 1), 2, axis=1)
     pixels = np.asarray(uv, dtype=np.float64).reshape(-1, 2)

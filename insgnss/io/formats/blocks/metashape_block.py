@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ....records.block import INTERIOR, Array, BrownCamera
 from ..bundle.camera import brown_camera, of_opencv
 from ..detect import head_of
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import whole
 from ..text.text import Source
 from ..text.xml import read_xml, text_of
@@ -161,41 +161,41 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
     kind = sensor.get("type", "frame") if calibration is None else calibration.get("type", "frame")
     if kind not in ("frame", "fisheye"):
         raise source.error(
-            f"camera {shown(name)} is of the type {kind}; frame and fisheye cameras are read,"
+            f"camera {quote(name)} is of the type {kind}; frame and fisheye cameras are read,"
             " calibrate it as one"
         )
     size = sensor.find("resolution") if calibration is None else calibration.find("resolution")
     size = sensor.find("resolution") if size is None else size
     if size is None:
-        raise source.error(f"camera {shown(name)} has no <resolution>; export the cameras again")
+        raise source.error(f"camera {quote(name)} has no <resolution>; export the cameras again")
     width, height = (_pixels(source, size, key, name) for key in ("width", "height"))
     half = 0.5 * np.array([width, height])
     if calibration is None:
         value = {"f": _nominal_focal(source, sensor, name), "cx": half[0], "cy": half[1]}
-        notes.append(f"camera {shown(name)} has no calibration; its nominal focal length is taken")
+        notes.append(f"camera {quote(name)} has no calibration; its nominal focal length is taken")
     else:
         read = {
             element.tag: number_of(source, text_of(element), f"camera {name}: {element.tag}")
             for element in calibration
             if element.tag in (*INTERIOR, "fx", "fy", "skew", "p3", "p4")
         }
-        value = _brown(source, name, read, half, notes)
+        value = _brown_parameters(source, name, read, half, notes)
     return brown_camera(name, width, height, value, kind == "fisheye")
 
 
-def _brown(
+def _brown_parameters(
     source: ProjectFile, name: str, read: dict[str, float], half: Array, notes: list[str]
 ) -> dict[str, float]:
     """Return the parameters of a calibration as (J.3) and (J.4) have them."""
     if more := [key for key in ("p3", "p4") if read.pop(key, 0.0) != 0.0]:
         raise source.error(
-            f"camera {shown(name)}: {', '.join(more)} other than zero, which Brown's polynomial"
+            f"camera {quote(name)}: {', '.join(more)} other than zero, which Brown's polynomial"
             " does not have; optimize the cameras without these and export again"
         )
     old = "f" not in read
     if old:
         if not {"fx", "fy"} <= set(read):
-            raise source.error(f"camera {shown(name)}: no <f>, nor <fx> and <fy>; calibrate it")
+            raise source.error(f"camera {quote(name)}: no <f>, nor <fx> and <fy>; calibrate it")
         read = of_opencv(read) | {"b2": read.get("skew", 0.0)}
     centre = np.array([read.get("cx", 0.0), read.get("cy", 0.0)])
     if (np.abs(centre) < 0.5 * half).all():
@@ -205,12 +205,12 @@ def _brown(
         from_corner = True
     else:
         raise source.error(
-            f"camera {shown(name)}: principal point ({centre[0]:.1f}, {centre[1]:.1f}) is neither"
+            f"camera {quote(name)}: principal point ({centre[0]:.1f}, {centre[1]:.1f}) is neither"
             " near the image's centre nor near zero; calibrate it again"
         )
     if from_corner and not old and (read.get("p1", 0.0) or read.get("p2", 0.0)):
         notes.append(
-            f"camera {shown(name)}: P1 and P2 of a project before PhotoScan 1.4 are read in the"
+            f"camera {quote(name)}: P1 and P2 of a project before PhotoScan 1.4 are read in the"
             " order of later versions (not verified with a file)"
         )
     return {k: v for k, v in read.items() if k in INTERIOR} | {"cx": centre[0], "cy": centre[1]}
@@ -220,7 +220,7 @@ def _pixels(source: ProjectFile, element: Element, key: str, name: str) -> int:
     """Return a side of an image."""
     value = whole(element.get(key))
     if value <= 0:
-        problem = f"camera {name}: {key} {shown(element.get(key))} is no whole number of pixels"
+        problem = f"camera {name}: {key} {quote(element.get(key))} is no whole number of pixels"
         raise source.error(f"{problem}; export the cameras again")
     return value
 
@@ -230,7 +230,7 @@ def _nominal_focal(source: ProjectFile, sensor: Element, name: str) -> float:
     properties = {p.get("name"): p.get("value") for p in sensor.findall("property")}
     if not {"focal_length", "pixel_width"} <= set(properties):
         raise source.error(
-            f"camera {shown(name)} has neither calibration nor focal length; align the images first"
+            f"camera {quote(name)} has neither calibration nor focal length; align the images first"
         )
     focal, pixel = (positive(source, properties[k], k) for k in ("focal_length", "pixel_width"))
     return focal / pixel
@@ -241,7 +241,7 @@ def _ground(of: Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str |
     markers = of.all("markers", "marker")
     labels = {m.get("id"): m.get("label") or f"marker {m.get('id')}" for m in markers}
     if twice := [name for name, count in Counter(labels.values()).items() if count > 1]:
-        raise of.source.error(f"marker {shown(twice[0])} is there twice; rename one of them")
+        raise of.source.error(f"marker {quote(twice[0])} is there twice; rename one of them")
     plane = [m.find("reference[@x][@y]") for m in markers]
     if flat := sum(reference is not None and reference.get("z") is None for reference in plane):
         notes.append(f"{flat} markers without height are used as tie points")
@@ -269,7 +269,7 @@ def _markers(
                 continue
             if image not in row_by_id:
                 raise of.frame_source.error(
-                    f"marker {shown(labels[number])} is measured in an image of the id {image},"
+                    f"marker {quote(labels[number])} is measured in an image of the id {image},"
                     " which is not in the file; export markers with their images"
                 )
             pinned, valid = (flag(of.frame_source, location, k) for k in ("pinned", "valid"))

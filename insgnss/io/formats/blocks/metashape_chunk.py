@@ -15,7 +15,7 @@ import numpy as np
 
 from ....base.errors import near
 from ....records.block import Array
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source
 from ..text.xml import text_of
@@ -298,7 +298,7 @@ def number_of(source: ProjectFile, text: str | None, description: str) -> float:
     """Return a finite number; the error says of what it is."""
     value = finite(text)
     if np.isnan(value):
-        raise source.error(f"{description}: {shown(text)} is no number; {PLAIN}, or export again")
+        raise source.error(f"{description}: {quote(text)} is no number; {PLAIN}, or export again")
     return value
 
 
@@ -314,7 +314,7 @@ def flag(source: ProjectFile, element: Element, key: str) -> bool:
     """Return an attribute that is true or false; true where it is missing."""
     text = element.get(key, "true")
     if (value := BOOLEANS.get(text.lower())) is None:
-        raise source.error(f"<{element.tag}> {key}={shown(text)}; it is true or false")
+        raise source.error(f"<{element.tag}> {key}={quote(text)}; it is true or false")
     return value
 
 
@@ -344,7 +344,7 @@ def chunk_of(root: Element, source: ProjectFile, wanted: str | None) -> Chunk:
     else:
         chosen = [row for row in chunks if row[2].find(".//camera") is not None]
     if len(chosen) != 1:
-        labels = ", ".join(shown(row[0]) for row in chunks)
+        labels = ", ".join(quote(row[0]) for row in chunks)
         raise source.error(
             f"{len(chosen)} chunks have images, of {labels}; name one by chunk"
             if chosen

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....base.files import lines_of
 from ....base.unpacking import DAMAGED, check_unpacked
-from ..text.layout import decode, shown
+from ..text.layout import decode, quote
 from ..text.numbers import whole
 from ..text.text import Source, load_bytes
 from ..text.xml import parse_xml, read_xml
@@ -196,7 +196,7 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
     form = next((line[1] for line in rows if line[:1] == ["format"] and len(line) > 1), "")
     elements = [line for line in rows if line[:1] == ["element"]]
     if not end or rows[:1] != [["ply"]] or form != "binary_little_endian" or not elements:
-        raise source.error(f"{name}: is no binary little-endian PLY ({shown(form)}); save it again")
+        raise source.error(f"{name}: is no binary little-endian PLY ({quote(form)}); save it again")
     columns = [line[1:] for line in rows if line[:1] == ["property"]]
     if len(elements) > 1 or any(len(c) != 2 or c[0] not in _TYPES for c in columns):
         raise source.error(f"{name}: holds more than a table of vertices; save the project again")

@@ -22,9 +22,9 @@ from ....geodesy.rotation import rotation_from_vector
 from ....records.block import Array, BrownCamera
 from ..bundle.camera import brown_camera, of_opencv
 from ..bundle.opensfm import REFERENCE
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import are_whole, array_of, vector_of, whole
-from ..text.text import Source, check_fields, decoded
+from ..text.text import Source, check_fields, decode_text
 from ..text.text import number as number_in
 from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
@@ -70,7 +70,7 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
     used = list(dict.fromkeys(str(shot.get("camera")) for _, shot in shots))
     camera_by_name = dict(cameras)
     if missing := [key for key in used if key not in camera_by_name]:
-        raise InputError.in_file(file, f"no camera {shown(missing[0])}; export it again")
+        raise InputError.in_file(file, f"no camera {quote(missing[0])}; export it again")
     brown = tuple(_camera(file, key, camera_by_name[key]) for key in used)
     tracks = {key for model in models for key in _table(file, model, "points")}
     track = _tracks(file.with_name(TRACKS), {key: k for k, (key, _) in enumerate(shots)}, tracks)
@@ -136,7 +136,7 @@ def _shot_poses(file: Path, shots: Sequence[tuple[str, Any]]) -> tuple[Array, Ar
     """Return projection centres (n, 3) and attitudes (n, 3, 3) of shots, in their own axes."""
     position, C = no_poses(len(shots))
     for k, (key, shot) in enumerate(shots):
-        who = f"shot {shown(key)}: "
+        who = f"shot {quote(key)}: "
         C[k] = rotation_from_vector(vector_of(file, shot, "rotation", who)).T
         position[k] = -C[k] @ vector_of(file, shot, "translation", who)
     return position, C
@@ -163,7 +163,7 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
 
     Those without reference are not connected with each other.
     """
-    document = parse_json(file, decoded(file))
+    document = parse_json(file, decode_text(file))
     models = document if isinstance(document, list) else [document]
     if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
         raise InputError.in_file(
@@ -215,7 +215,7 @@ def read_opensfm_cameras(path: Source) -> tuple[BrownCamera, ...]:
         A damaged file, or a camera that is none of Brown's.
     """
     file = Path(path)
-    document = parse_json(file, decoded(file))
+    document = parse_json(file, decode_text(file))
     models = document if isinstance(document, list) else [document]
     if not all(isinstance(model, dict) for model in models):
         raise InputError.in_file(file, "is no table of cameras; export it again")
@@ -235,15 +235,15 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
     if model not in OPENSFM_MODELS:
         raise InputError.in_file(
             file,
-            f"camera {shown(name)}: {model!r} is not Brown's; reconstruct with camera-lens brown",
+            f"camera {quote(name)}: {model!r} is not Brown's; reconstruct with camera-lens brown",
         )
 
     def value(key: str, default: float | None = 0.0) -> float:
-        return _value(file, entry, key, default, f"camera {shown(name)}")
+        return _value(file, entry, key, default, f"camera {quote(name)}")
 
     width, height = value("width", None), value("height", None)
     if not are_whole(width, height):
-        problem = f"camera {shown(name)}: width and height are no whole numbers of pixels"
+        problem = f"camera {quote(name)}: width and height are no whole numbers of pixels"
         raise InputError.in_file(file, f"{problem}; export it again")
     size = max(width, height)
     fx, fy = [
@@ -251,7 +251,7 @@ def _camera(file: Path, name: str, entry: Any) -> BrownCamera:
         for key in ("focal_x", "focal_y")
     ]
     if max(fx, fy) > LONGEST_FOCAL:
-        problem = f"camera {shown(name)}: focal {max(fx, fy):g} is in pixels, of the oldest format"
+        problem = f"camera {quote(name)}: focal {max(fx, fy):g} is in pixels, of the oldest format"
         raise InputError.in_file(file, f"{problem}; divide it by the longer side, {size:.0f} px")
     fisheye = model in FISHEYE_MODELS
     terms = {k: value(k) for k in ("k1", "k2", "k3", *(("k4",) if fisheye else ()), "p1", "p2")}
@@ -267,7 +267,7 @@ def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane 
     """Return the tangent plane of the reconstruction, None where its place is not known."""
     reference, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
     if reference is None and beside.is_file():
-        reference = parse_json(beside, decoded(beside))
+        reference = parse_json(beside, decode_text(beside))
     if reference is None:
         return None
     lat, lon, height = (
@@ -290,14 +290,14 @@ def _tracks(
             "no such file; copy it beside reconstruction.json, since it holds the image"
             " observations",
         )
-    lines = lines_of(decoded(file))
+    lines = lines_of(decode_text(file))
     version, first = 0, 0
     if lines[0].startswith(TRACKS_VERSION):
         text, first = lines[0][len(TRACKS_VERSION) :].strip(), 1
         version = whole(text)
     if version not in TRACK_FIELDS:
         raise InputError.at_line(
-            file, 1, f"version {shown(lines[0])}; read are 0 to {max(TRACK_FIELDS)}"
+            file, 1, f"version {quote(lines[0])}; read are 0 to {max(TRACK_FIELDS)}"
         )
     image_row, point, xy, scale = [], [], [], []
     for line, text in enumerate(lines[first:], start=first + 1):

@@ -11,8 +11,8 @@ from ....base.errors import InputError
 from ....geodesy.rotation import CV_RUB, opk_jacobian, rotation_from_opk
 from ..names import OF_A_REFERENCE, PLACES, ROLE, Names, sigma_names
 from ..text.columns import METRES, NamedTable, TableSpec
-from ..text.headers import normalised
-from ..text.layout import shown
+from ..text.headers import normalise_header
+from ..text.layout import quote
 from ..text.order import refuse_rows
 from ..text.text import Source, TextTable, read_text_table
 
@@ -232,12 +232,12 @@ def _columns_of(table: TextTable, spec: TableSpec) -> set[str | None]:
 
 
 def _header(table: TextTable) -> set[str]:
-    return {normalised(field)[0] for field in table.layout.header_fields or ()}
+    return {normalise_header(field)[0] for field in table.layout.header_fields or ()}
 
 
 def _names(table: NamedTable) -> tuple[str, ...]:
     names, rows = table.rows_of("name", "row")
-    table.refuse_repeats(lambda row: f"{shown(names[rows[row]])} is there twice", rows)
+    table.refuse_repeats(lambda row: f"{quote(names[rows[row]])} is there twice", rows)
     return names
 
 

@@ -87,7 +87,7 @@ def read_measured_block(path: Source, format: str = "auto", **options: Any) -> M
     DataError
         An option whose value cannot be.
     """
-    form = recognised(path) if format == "auto" else format
+    form = recognise_format(path) if format == "auto" else format
     if form not in FORMATS:
         raise UsageError(f"format {form!r} of image observations; {near(form, FORMATS)}")
     reader, accepted, _ = FORMATS[form]
@@ -130,7 +130,7 @@ def parts_of_block(path: Source) -> list[Path]:
     return [path]
 
 
-def recognised(path: Source) -> str:
+def recognise_format(path: Source) -> str:
     """Return the format of a file or directory.
 
     Parameters
@@ -154,7 +154,7 @@ def recognised(path: Source) -> str:
             return "colmap"
         if reconstruction_in(path) is not None:
             return "opensfm"
-        raise _unknown(path)
+        raise _unrecognised_error(path)
     head = head_of(path)
     if not head:
         raise InputError.in_file(path, "is empty; export the image observations again")
@@ -168,7 +168,7 @@ def recognised(path: Source) -> str:
             return "dbat"
         if re.search(r"<(document|chunk)\b", text):
             return "metashape"
-        raise _unknown(path)
+        raise _unrecognised_error(path)
     if text.startswith(("[", "{")) and '"' in text:
         return "opensfm"
     rows = [row for row in lines_of(text) if row.strip() and not is_comment(row)]
@@ -176,20 +176,20 @@ def recognised(path: Source) -> str:
         return "gcp_list"
     if any(row.split()[0] == "-99" for row in rows):
         return "bingo"
-    if rows and _headed(rows[0]):
+    if rows and _is_header(rows[0]):
         return "image_points"
     if "\0" not in text and any(len(re.split(r"[\s,;]+", row.strip())) >= 4 for row in rows):
         return "image_points"
-    raise _unknown(path)
+    raise _unrecognised_error(path)
 
 
-def _headed(row: str) -> bool:
+def _is_header(row: str) -> bool:
     """Whether a line is the header of a table of image observations, in part at least."""
     names = {SPEC.aliases.get(name.strip().lower()) for name in re.split(r"[\s,;]+", row)}
     return {"image", "point"} <= names
 
 
-def _unknown(path: Path) -> InputError:
+def _unrecognised_error(path: Path) -> InputError:
     readable = "; ".join(word for _, _, word in FORMATS.values())
     return InputError.in_file(
         path, f"is not recognised as image observations; readable are {readable}"

@@ -19,10 +19,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ....base.errors import InputError, UsageError, installed, legible
+from ....base.errors import InputError, UsageError, legible, required_library
 from ....base.files import atomic_write
 from ....base.inputs import readable
-from ....base.output.staging import staged
+from ....base.output.staging import staged_path
 from ....base.wording import DOCTOR
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
@@ -113,7 +113,7 @@ def write_colmap(
         eo, notes = _orientation_of_rows(eo, numbered.rows)
         _check_stored_names(images, database)
         if camera is not None:
-            cameras = _calibrated(camera_of(camera, "colmap"), cameras, database)
+            cameras = _set_camera_model(camera_of(camera, "colmap"), cameras, database)
     directory = Path(path)
     texts = _model_texts(eo, images, cameras, _shift(eo, shift))
     with new_directory(
@@ -161,7 +161,7 @@ def _check_stored_names(images: Sequence[DatabaseImage], database: Source) -> No
         raise InputError.in_file(database, problem) from None
 
 
-def _calibrated(
+def _set_camera_model(
     model: ColmapCamera, cameras: Mapping[int, ColmapCamera], database: Source
 ) -> dict[int, ColmapCamera]:
     """Return `model` in the place of all cameras of a database, of whose kind and size it is."""
@@ -282,10 +282,10 @@ def write_colmap_priors(
     notes: tuple[str, ...] = ()
     if database is None:
         models = cameras_of(camera, eo.cameras[0], "a new database of colmap_priors")
-    with staged(path) as work:
+    with staged_path(path) as work:
         if database is not None:
             _copy(database, work)
-        db = _open(pycolmap, work, database)
+        db = _open_database(pycolmap, work, database)
         try:
             if models is not None:
                 ids = _new_images(pycolmap, db, eo, models)
@@ -300,7 +300,7 @@ def write_colmap_priors(
 
 
 def _pycolmap() -> Any:
-    with installed(
+    with required_library(
         "colmap_priors needs pycolmap, which is not installed; pip install pycolmap, or export"
         f" colmap; {DOCTOR}"
     ):
@@ -316,7 +316,7 @@ def _copy(database: Source, work: Path) -> None:
         shutil.copyfile(database, work)
 
 
-def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
+def _open_database(pycolmap: Any, work: Path, database: Source | None) -> Any:
     with legible(database, "is no database of COLMAP: {}; give its database.db", MemoryError):
         return pycolmap.Database.open(work)
 

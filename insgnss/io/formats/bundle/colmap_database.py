@@ -14,7 +14,7 @@ import numpy as np
 
 from ....base.errors import InputError, UsageError
 from ..text.database import opened_database
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.text import Source
 from .camera import PARAMETER_NAMES, ColmapCamera
 
@@ -111,13 +111,13 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
         rig, frame, count = frames.get(number, (None, None, 1))
         if count > 1:
             raise UsageError(
-                f"{path}: image {shown(name)} belongs to a rig of several cameras, whose poses"
+                f"{path}: image {quote(name)} belongs to a rig of several cameras, whose poses"
                 " COLMAP takes from the rig; give a database without rigs"
             )
         if frames and frame is None:
             raise InputError.in_file(
                 path,
-                f"image {shown(name)} belongs to no frame of the database; extract features again",
+                f"image {quote(name)} belongs to no frame of the database; extract features again",
             )
         chosen.append(DatabaseImage(number, camera, name, rig, frame))
     used = sorted({image.camera for image in chosen})
@@ -161,7 +161,7 @@ def names_in_database(
     missing = [image for image, matches in zip(images, choices, strict=True) if not matches]
     if missing and (not skip or len(missing) == len(images)):
         unused = sorted(requested - {matches[0] for matches in choices if matches})
-        has = f"; it has {shown(unused[0])}" if unused else ""
+        has = f"; it has {quote(unused[0])}" if unused else ""
         message = (
             f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing){has}:"
             " rename our images as in the database (--rename OLD=NEW or a table), extract features"
@@ -170,7 +170,7 @@ def names_in_database(
         raise InputError.in_file(path, message)
     if doubles := [matches for matches in choices if len(matches) > 1]:
         message = (
-            f"has {shown(doubles[0][0])} and {shown(doubles[0][1])}, and the orientation may mean"
+            f"has {quote(doubles[0][0])} and {quote(doubles[0][1])}, and the orientation may mean"
             " either; name its images with their folders"
         )
         raise InputError.in_file(path, message)

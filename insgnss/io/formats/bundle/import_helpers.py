@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ....base import __version__
-from ....base.output.staging import written
+from ....base.output.staging import written_path
 from ....geodesy.crs import first_wkt
 from ....geodesy.frames import TangentPlane
 from ....records import FramedOrientation
@@ -131,7 +131,7 @@ def metashape_script(eo: Placed, path: Path) -> dict[Path, str]:
 
 def _header(path: Path, start: str) -> str:
     """Return the first line of an export that begins with `start`."""
-    with written(path).open(encoding="utf-8") as stream:
+    with written_path(path).open(encoding="utf-8") as stream:
         return next(line for line in stream if line.startswith(start)).strip()
 
 

@@ -29,7 +29,7 @@ from ..orientation.exported import (
     position_sigma,
     xml_text,
 )
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source
 from ..text.xml import read_xml
@@ -193,6 +193,6 @@ def _vectors(file: Path, root: Element, *tags: str) -> Array:
     rows = [[finite(word) for word in (text or "").split()] for text in texts]
     for tag, text, row in zip(tags, texts, rows, strict=True):
         if len(row) != 3 or np.isnan(row).any():
-            problem = f"{tag.strip('./')} is not three numbers: {shown(text)}"
+            problem = f"{tag.strip('./')} is not three numbers: {quote(text)}"
             raise InputError.in_file(file, f"{problem}; {PLAIN}, or copy it again")
     return np.array(rows)

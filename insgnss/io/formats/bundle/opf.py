@@ -137,7 +137,7 @@ def write_opf(
                 "crs": {"definition": definition},
             }
             item("scene_reference_frame", frame, {})
-            projected = _projected(eo, ids, eo.coordinates + shift, angles)
+            projected = _projected_cameras(eo, ids, eo.coordinates + shift, angles)
             of_ids = {"sensors": [{"id": sensor["id"]} for sensor in sensors]}
             item("projected_input_cameras", of_ids, {"captures": projected})
         atomic_write(into / "project.opf", json.dumps(_project(eo, names), indent=1) + "\n")
@@ -271,7 +271,7 @@ def _captures(
         yield template % (capture, camera_id, sensor, camera_id, time, *row)
 
 
-def _projected(
+def _projected_cameras(
     eo: FramedOrientation, ids: list[tuple[int, int]], x: Array, angles: Array
 ) -> Iterator[str]:
     form = '{"id":%d,"geolocation":{"position":[%.4f,%.4f,%.4f],"sigmas":[%.5f,%.5f,%.5f]},'

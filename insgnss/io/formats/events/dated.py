@@ -25,13 +25,13 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import InputError, UsageError
-from ....base.wording import named
+from ....base.wording import spell
 from ....geodesy.gpstime import WEEK_S, gps_from_calendar
 from ....records import Array, CameraEvents, Finding
 from ..names import DATED, IMAGE_ENDINGS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.columns import Columns, TableSpec
-from ..text.layout import TextLayout, decode, shown
+from ..text.layout import TextLayout, decode, quote
 from ..text.order import Lines, note
 from ..text.text import FileLine, Source, TextTable, data_lines, load
 from .events import events_in_order
@@ -179,7 +179,7 @@ def _fields(line: FileLine, text: str, delimiter: str) -> list[str]:
     except csv.Error:
         default_limit = csv.field_size_limit()
         problem = (
-            f"{shown(text)} has a carriage return or a field of more than {default_limit}"
+            f"{quote(text)} has a carriage return or a field of more than {default_limit}"
             " characters"
         )
         raise line.error(f"{problem}; save it with line ends LF") from None
@@ -219,12 +219,12 @@ def dated_events(
         raise lines.error_at(
             0,
             "dates do not say whether they are UTC or GPS time, which are 18 s apart; give"
-            f" {named('camera.time_scale')}: {GIVE_SCALE}",
+            f" {spell('camera.time_scale')}: {GIVE_SCALE}",
         )
     times = [_gpst(stamp, scale, lines, row) for row, stamp in enumerate(stamps)]
     week = times[0][0] if options.gps_week is None else options.gps_week
     time = np.array([tow + (own_week - week) * WEEK_S for own_week, tow in times])
-    time, sigma, notes = rounded(time, max(len((s[10] or "").rstrip("0")) for s in stamps))
+    time, sigma, notes = centre_of_digits(time, max(len((s[10] or "").rstrip("0")) for s in stamps))
     events = events_in_order(images, time, lines, week, notes)
     matters = sigma * 12.0**0.5 >= MATTERS_S
     return replace(
@@ -266,11 +266,11 @@ def _stamp(text: str, lines: Lines, row: int) -> re.Match[str]:
     """Return the parts of a stamp; InputError for a text that is none."""
     if match := DATED_STAMP.fullmatch(text.strip(DATED_QUOTES)):
         return match
-    problem = f"{shown(text)} where date and time must stand, such as 2021-03-18 12:19:04.623"
+    problem = f"{quote(text)} where date and time must stand, such as 2021-03-18 12:19:04.623"
     raise lines.error_at(row, f"{problem}; correct the line or name the columns")
 
 
-def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Finding, ...]]:
+def centre_of_digits(time: Array, digits: int) -> tuple[Array, float, tuple[Finding, ...]]:
     """Return times in the middle of what their digits leave open, their sigma (T.1), and a note.
 
     Parameters
@@ -325,7 +325,7 @@ def _gpst(match: re.Match[str], scale: str, lines: Lines, row: int) -> tuple[int
         else:
             week, tow = gps_from_calendar(when - timedelta(seconds=offset), "utc")
     except (ValueError, OverflowError, UsageError):
-        raise lines.error_at(row, f"{shown(match[0])} is no date; correct the line") from None
+        raise lines.error_at(row, f"{quote(match[0])} is no date; correct the line") from None
     except InputError as error:
         raise lines.error_at(row, str(error)) from None
     return week, tow + (float(f"0.{match[10]}") if match[10] else 0.0)

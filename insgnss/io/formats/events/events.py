@@ -1,6 +1,6 @@
 """Mid-exposure instants of the camera: `[image] tow [sigma_s]`, data_specs/events.md."""
 
-from ....base.wording import named
+from ....base.wording import spell
 from ....records import Array, CameraEvents, Finding
 from ..names import EVENTS
 from ..orientation.exported import quoted_names
@@ -65,7 +65,7 @@ def events_in_order(
 ) -> CameraEvents:
     """Make events of names, or numbers from 1, and times (n,), s: each stamp once, in order."""
     if images is None:
-        images, numbering = numbered(time.size)
+        images, numbering = numbered_names(time.size)
         notes = (*notes, numbering)
     names = images
     rows, order_notes = put_in_order(lines, time, lambda i, k: names[i] == names[k], "event rows")
@@ -86,11 +86,11 @@ def events_in_order(
     return CameraEvents(images, time, gps_week, lines.path, (*notes, *order_notes), sigma_s=sigma_s)
 
 
-def numbered(count: int) -> tuple[tuple[str, ...], Finding]:
+def numbered_names(count: int) -> tuple[tuple[str, ...], Finding]:
     """Return numbers from 1 in place of names, and the note that says so."""
     finding = f"no image names; the {count} events are numbered from 1"
     advice = (
-        f"give the images ({named('camera.images')}), or check that none is missing before you join"
+        f"give the images ({spell('camera.images')}), or check that none is missing before you join"
         " them by number"
     )
     names = tuple(str(k + 1) for k in range(count))

@@ -13,13 +13,13 @@ from ..gnss.rtklib_pos import read_pos_rows
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.order import note
 from ..text.text import Source
-from .events import numbered
+from .events import numbered_names
 
 
 def read_events_pos(path: Source, options: ReadOptions = STATED_NOTHING) -> CameraEvents:
     """Read the exposures, numbered from 1; InputError with file and line."""
     rows = read_pos_rows(path, options.gps_week)
-    images, numbering = numbered(rows.time.size)
+    images, numbering = numbered_names(rows.time.size)
     usual = float(np.median(np.diff(rows.time))) if rows.time.size > 1 else 0.0
     one_each = note(
         "event positions",

@@ -22,7 +22,7 @@ from ....records import Array, CameraEvents
 from ..gnss.fixes import FIX_SIGMAS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import examined_time
-from ..text.layout import BINARY, decode, is_binary, shown
+from ..text.layout import BINARY, decode, is_binary, quote
 from ..text.order import AtLines
 from ..text.text import TRUNCATED, FileLine, Source, data_lines, load
 from .events import events_in_order
@@ -154,7 +154,7 @@ def _values(line: FileLine, text: str) -> dict[str, float]:
             f"{len(unnamed)} values without a name; five are expected (number, time of week, three"
             " standard deviations) or two (number, time of week)"
         )
-        raise line.error(f"{message}: {shown(text.strip())}; copy the file again")
+        raise line.error(f"{message}: {quote(text.strip())}; copy the file again")
     row |= dict(zip(("number", "tow", *FIX_SIGMAS), unnamed, strict=False))
     for name in ("number", "week", "q"):
         value = row.get(name, 0.0)

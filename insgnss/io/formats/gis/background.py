@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ....base.errors import InputError, UsageError
-from ....base.inputs import opened
-from ....geodesy.crs import crs_of, source_crs, transformed, transformer_between
+from ....base.inputs import open_bytes
+from ....geodesy.crs import crs_of, source_crs, transform_points, transformer_between
 from ....geodesy.frames import LocalFrame
 from ....records import Array
 from ..text.database import is_database, opened_database
@@ -123,7 +123,7 @@ def read_background(
         source = source_crs(datum, epoch)
         x, y, z = (a.ravel() for a in (np.degrees(lon), np.degrees(lat), height))
         step = transformer_between(source, crs)
-        x, y, _ = transformed(step, f"CRS {crs.name}", x, y, z, epoch=epoch)
+        x, y, _ = transform_points(step, f"CRS {crs.name}", x, y, z, epoch=epoch)
         return x.reshape(NET_SIDE, NET_SIDE), y.reshape(NET_SIDE, NET_SIDE)
 
     try:
@@ -132,10 +132,10 @@ def read_background(
         raise InputError.unread(path, error, "check path and permission") from None
     except UsageError as error:
         raise InputError.in_file(path, str(error)) from None
-    return GroundPicture(_resampled(path, raster, net_of, lat, lon), edges)
+    return GroundPicture(_resample_raster(path, raster, net_of, lat, lon), edges)
 
 
-def _resampled(path: Path, raster: Any, net_of: Any, lat: Array, lon: Array) -> Any:
+def _resample_raster(path: Path, raster: Any, net_of: Any, lat: Array, lon: Array) -> Any:
     """Return the pixels (h, w, 3) of the picture: the raster where its points lie in it."""
     from scipy.ndimage import map_coordinates
 
@@ -179,7 +179,7 @@ def _geotiff(path: Path, net_of: Any) -> tuple[_Raster, Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            with opened(path) as stream, Image.open(stream) as image:
+            with open_bytes(path) as stream, Image.open(stream) as image:
                 if image.format != "TIFF":
                     raise ValueError(f"it is {image.format}")
                 to_pixel, crs = _georeference(path, dict(image.tag_v2))
@@ -211,8 +211,8 @@ def _covered_part(image: Any, to_pixel: Any, net: tuple[Array, Array]) -> _Raste
         corner.append(max(int(pixels.min() / scale) - 2, 0))
         end.append(min(int(pixels.max() / scale) + 3, side))
     if corner[0] >= end[0] or corner[1] >= end[1]:
-        corner, end = [0, 0], [1, 1]  # beside the flight, as `_resampled` says
-    rgba, shrink = _reduced(image.crop((*corner, *end)), finest / max(overview_scale))
+        corner, end = [0, 0], [1, 1]  # beside the flight, as `_resample_raster` says
+    rgba, shrink = _reduce_resolution(image.crop((*corner, *end)), finest / max(overview_scale))
 
     def columns_rows(x: Array, y: Array) -> tuple[Array, Array]:
         of_axes = zip(to_pixel(x, y), overview_scale, corner, strict=True)
@@ -233,7 +233,7 @@ def _seek_overview(image: Any, finest: float) -> None:
     image.seek(best_frame[1])
 
 
-def _reduced(image: Any, finest: float) -> tuple[Any, int]:
+def _reduce_resolution(image: Any, finest: float) -> tuple[Any, int]:
     """Return the pixels (h, w, 4), joined where those of the picture are coarser."""
     shrink = max(int(finest), 1)
     has_alpha = "A" in image.getbands() or "transparency" in image.info
@@ -338,7 +338,7 @@ def _put_together(
                 side = image.width
                 if image.height != side or not 1 <= side <= LARGEST_TILE_PX:
                     raise ValueError(f"a tile of {image.width} x {image.height} pixels")
-                tile, _ = _reduced(image, 1.0)
+                tile, _ = _reduce_resolution(image, 1.0)
         except (OSError, SyntaxError) as error:
             raise ValueError(f"tile {level}/{column}/{row} is no picture: {error}") from None
         if mosaic.shape[2] == 1:

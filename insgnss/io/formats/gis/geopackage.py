@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ....base.errors import UsageError
-from ....base.output.staging import destination, staged
+from ....base.output.staging import destination, staged_path
 from ....geodesy.rotation import quaternion_from_rotation
 from ....records import Array, FramedOrientation
 from ....records.framed import TANGENT
@@ -99,7 +99,7 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
         raise UsageError(f"{path}: a GeoPackage must be named .gpkg, such as --out eo.gpkg")
     coordinates = places(eo)
     srs = _srs(eo)
-    with staged(path) as work:
+    with staged_path(path) as work:
         db = sqlite3.connect(work, isolation_level=None)
         try:
             db.execute(f"PRAGMA application_id = {APPLICATION_ID}")

@@ -108,7 +108,7 @@ def fixes_from_columns(
     )
     if rows is not None:
         lines = Picked(lines, rows)
-        cols, described = _taken(rows, cols, described)
+        cols, described = _take_rows(rows, cols, described)
     lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
         message = (
@@ -191,7 +191,7 @@ def of_the_solution(columns: Mapping[str, Array]) -> dict[str, Array]:
     return {name: column for name, column in valid.items() if name in informative}
 
 
-def _taken(rows: Any, *tables: Mapping[str, Array]) -> list[dict[str, Array]]:
+def _take_rows(rows: Any, *tables: Mapping[str, Array]) -> list[dict[str, Array]]:
     """Return some rows of the columns of tables."""
     return [{name: column[rows] for name, column in table.items()} for table in tables]
 

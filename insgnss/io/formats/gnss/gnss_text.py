@@ -17,7 +17,7 @@ from ..names import GNSS, OF_A_SOLUTION, taken_by_readers
 from ..orientation.exported import quoted_names
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.columns import NamedTable, TableOut, TableSpec, place_of
-from ..text.headers import Settled, factor_of, normalised, unit_in
+from ..text.headers import Settled, factor_of, normalise_header, unit_in
 from ..text.order import Lines, Picked, note
 from ..text.text import NumberTable, Source, read_table
 from .cartesian import position_columns, reference_in
@@ -36,7 +36,7 @@ SIGMA_NAMES, SPEED_SIGMAS = " ".join(FIX_SIGMAS), " ".join(VELOCITY_SIGMA)
 SIGMAS_M = f"{SIGMA_NAMES} sd_ne sd_x sd_y sd_z"
 REQUIRED = "tow lat lon h"
 SPEC = TableSpec(
-    GNSS | dict.fromkeys(OF_THE_SOLUTION, ""),  # the last are of a header: `_described`
+    GNSS | dict.fromkeys(OF_THE_SOLUTION, ""),  # the last are of a header: `_solution_columns`
     required=REQUIRED,
     layouts=(
         REQUIRED,
@@ -121,7 +121,7 @@ def read_gnss_text(path: Source, options: ReadOptions = STATED_NOTHING) -> GnssF
     geoid_m, height_notes = settled_undulation(
         path, header_line, table.fields("h"), options.undulation_m, commented=True
     )
-    cols = replace(table, index={**_described(table), **table.index}).numbers()
+    cols = replace(table, index={**_solution_columns(table), **table.index}).numbers()
     lines: Lines = table
     if (mark := options.repeat_column) is not None:
         assert isinstance(table.table, NumberTable)
@@ -153,7 +153,7 @@ def _vertical_angle(table: NamedTable) -> tuple[Finding, ...]:
     return (note("GNSS units", finding, "a length", "correct the header"),)
 
 
-def _described(named: NamedTable) -> dict[str, int]:
+def _solution_columns(named: NamedTable) -> dict[str, int]:
     """Return the first column of each of `OF_THE_SOLUTION` that the header names.
 
     They weigh nothing, so that one of text alone is passed over and an empty field is unknown; text
@@ -162,7 +162,7 @@ def _described(named: NamedTable) -> dict[str, int]:
     table, index_of = named.table, dict[str, int]()
     assert isinstance(table, NumberTable)
     for k, field in enumerate(table.layout.header_fields or ()):
-        name = DESCRIBED.get(normalised(field)[0])
+        name = DESCRIBED.get(normalise_header(field)[0])
         if name is None or k in named.index.values() or k in table.dates:
             continue
         if k not in table.bad or 0 < table.blank.get(k, 0) < len(table):

@@ -12,8 +12,8 @@ from ....base.errors import InputError
 from ....base.files import lines_of
 from ....base.inputs import first_bytes
 from ....records import Finding
-from ..text.headers import normalised
-from ..text.layout import decode, is_comment, shown
+from ..text.headers import normalise_header
+from ..text.layout import decode, is_comment, quote
 from ..text.order import note
 
 COMMENT_BYTES = 1 << 12  # bytes from the file's start in which comments are looked for (chosen)
@@ -69,24 +69,24 @@ def settled_undulation(
         Heights above the geoid without `undulation_m`, and heights above the ellipsoid with one
         that is not zero.
     """
-    names = [normalised(field)[0] for field in fields]
+    names = [normalise_header(field)[0] for field in fields]
     above_geoid = next((f for f, n in zip(fields, names, strict=True) if _GEOID.search(n)), None)
     above_ellipsoid = above_geoid is None and any(map(_ELLIPSOID.search, names))
     if undulation_m is not None:
         if above_ellipsoid and undulation_m != 0.0:
             raise InputError.at_line(
-                path, line, above_already(f"heights {shown(fields[0])}", undulation_m)
+                path, line, above_already(f"heights {quote(fields[0])}", undulation_m)
             )
         return undulation_m, ()
     if above_geoid is not None:
-        problem = f"heights {shown(above_geoid)} are above the geoid, not the ellipsoid"
+        problem = f"heights {quote(above_geoid)} are above the geoid, not the ellipsoid"
         raise InputError.at_line(path, line, f"{problem}; {GIVE}")
     if commented and not above_ellipsoid and (statement := _stated_geoid(path)):
         row, text = statement
-        problem = f"heights are above the geoid, not the ellipsoid, according to {shown(text)}"
+        problem = f"heights are above the geoid, not the ellipsoid, according to {quote(text)}"
         raise InputError.at_line(path, row, f"{problem}; {GIVE} (0 where the comment is wrong)")
     if names and _EITHER.fullmatch(names[0]):
-        finding = f"the heights {shown(fields[0])} were taken as above the ellipsoid"
+        finding = f"the heights {quote(fields[0])} were taken as above the ellipsoid"
         advice = "set gnss.undulation_m: 0 if they are, else the geoid's height above the ellipsoid"
         return 0.0, (note("GNSS position", finding, "a name that states the surface", advice),)
     return 0.0, ()
@@ -108,9 +108,9 @@ def refused_heights(path: object, fields: Sequence[str], commented: bool = False
     try:
         settled_undulation("", None, fields, None)
     except InputError:
-        return f"heights {shown(fields[0])} are above the geoid"
+        return f"heights {quote(fields[0])} are above the geoid"
     statement = _stated_geoid(path) if commented else None
-    return f"heights are above the geoid according to {shown(statement[1])}" if statement else ""
+    return f"heights are above the geoid according to {quote(statement[1])}" if statement else ""
 
 
 def above_already(heights: str, undulation_m: float) -> str:

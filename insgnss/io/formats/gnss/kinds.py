@@ -51,7 +51,7 @@ def with_agreeing_kinds(fixes: GnssFixes) -> GnssFixes:
     east = (fixes.lon - fixes.lon[0]) * N * np.cos(fixes.lat[0])
     path = np.column_stack([north, east, fixes.height])
     rows = {kind: np.flatnonzero(fixes.quality == kind) for kind in kinds}
-    turned, findings = _turned(fixes, path, rows)
+    turned, findings = _reverse_velocities(fixes, path, rows)
     for kind in kinds[1:]:
         findings += _offset(fixes.time, path, rows[kinds[0]], rows[kind], (kinds[0], kind))
     return replace(turned, notes=(*turned.notes, *findings))
@@ -62,7 +62,7 @@ def _name(kind: int) -> str:
     return Quality(kind).name.lower()
 
 
-def _turned(
+def _reverse_velocities(
     fixes: GnssFixes, path: Array, rows: dict[int, Rows]
 ) -> tuple[GnssFixes, tuple[Finding, ...]]:
     """Turn velocities round that oppose the displacements of their kind, with notes."""

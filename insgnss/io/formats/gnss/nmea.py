@@ -24,7 +24,7 @@ from ....records import Array, Finding, GnssFixes
 from ....records.observations import UNKNOWN_MPS
 from ..read_options import STATED_NOTHING, ReadOptions
 from ..text.clock import agree_on_week, undated_rows
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences
 from ..text.text import FileLine, Source
@@ -309,7 +309,7 @@ def _fix(epoch: Epoch, fields: list[str], line: FileLine, undulation_m: float | 
     above = line.value(separation) if separation else float(undulation_m or 0.0)
     code = line.value(fields[6])
     if code not in NMEA_QUALITY:
-        message = f"quality {shown(fields[6])} of GGA is none of 0 to {max(NMEA_QUALITY)}"
+        message = f"quality {quote(fields[6])} of GGA is none of 0 to {max(NMEA_QUALITY)}"
         raise line.error(f"{message}; {CORRECT}")
     height, quality = line.value(fields[9]) + above, NMEA_QUALITY[int(code)]
     described = (fields[7], fields[8], fields[13] if len(fields) > 13 else "")
@@ -331,11 +331,11 @@ def _degrees(field: str, side: str, sides: str, line: FileLine) -> float:
     """Return the degrees of dddmm.mmmm and its hemisphere."""
     minutes = line.value(field)
     if side not in tuple(sides):
-        problem = f"hemisphere {shown(side)} is neither {sides[0]} nor {sides[1]}"
+        problem = f"hemisphere {quote(side)} is neither {sides[0]} nor {sides[1]}"
         raise line.error(f"{problem}; {CORRECT}")
     whole = minutes // 100.0
     if minutes < 0.0 or minutes - 100.0 * whole >= 60.0:
-        raise line.error(f"angle {shown(field)} is not dddmm.mmmm; {CORRECT}")
+        raise line.error(f"angle {quote(field)} is not dddmm.mmmm; {CORRECT}")
     value = whole + (minutes - 100.0 * whole) / 60.0
     return value if side == sides[0] else -value
 
@@ -346,7 +346,7 @@ def _time_of_day(field: str, line: FileLine) -> float:
         map(float, (field[:2], field[2:4], field[4:])) if is_clock else [np.inf] * 3
     )
     if hour > 23.0 or minute > 59.0 or second >= 61.0:
-        raise line.error(f"time {shown(field)} is not hhmmss; {CORRECT}")
+        raise line.error(f"time {quote(field)} is not hhmmss; {CORRECT}")
     return hour * 3600.0 + minute * 60.0 + second
 
 
@@ -359,7 +359,7 @@ def _date(text: str, line: FileLine) -> datetime:
         full = year if len(text) == 8 else year + (2000 if year < 80 else 1900)
         return datetime(full, int(text[2:4]), int(text[:2]), tzinfo=UTC)
     except ValueError:
-        raise line.error(f"date {shown(text)} is not ddmmyy; {CORRECT}") from None
+        raise line.error(f"date {quote(text)} is not ddmmyy; {CORRECT}") from None
 
 
 def _first_day(path: Source, log: _Log) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from ....base.errors import InputError
 from ....records import GnssFixes
 from ..read_options import STATED_NOTHING, ReadOptions
-from ..text.layout import decode, shown
+from ..text.layout import decode, quote
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines
 from ..text.text import FileLine, Source, load
@@ -94,7 +94,7 @@ def solved_logs(
     if (wrong := len(matches) - len(right)) > BAD_SHARE_LIMIT * len(matches):
         line, content, _ = next(match for match in matches if match not in right)
         raise line.error(
-            f"no right checksum in {shown('#' + content)}, as in {wrong} of {len(matches)} logs"
+            f"no right checksum in {quote('#' + content)}, as in {wrong} of {len(matches)} logs"
             f" (limit {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
         )
     logs = [_fields(line, content, least) for line, content, _ in right]

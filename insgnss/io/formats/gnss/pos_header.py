@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....base.files import lines_of
 from ....records import Array
-from ..text.layout import NUMBER, decode, float_of, is_comment, shown
+from ..text.layout import NUMBER, decode, float_of, is_comment, quote
 from ..text.text import Source
 
 POS_DATE = re.compile(rb"^([ \t]*\d{4})/(\d\d?)/(\d\d?)[ \t]+(\d\d?):(\d\d?):", re.MULTILINE)
@@ -154,7 +154,7 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     geodetic = any("WGS84/geodetic" in line for line in comments)
     dated = POS_DATE.match(first.encode("utf-8", "replace")) is not None
     if tokens[0] not in POS_SCALES:
-        problem = f"time scale {shown(tokens[0])} is none of {', '.join(POS_SCALES)}"
+        problem = f"time scale {quote(tokens[0])} is none of {', '.join(POS_SCALES)}"
         raise InputError.in_file(path, f"{problem}; let RTKLIB write GPST")
     sexagesimal = "(d'\")" in column_lines[0]
     names, base = tuple(tokens[1:]), _base(path, comments)
@@ -184,7 +184,7 @@ def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:
         return None
     numbers = [float_of(text) for text in re.split(r"[\s,;]+", line.partition(":")[2].strip())]
     if None in numbers or len(numbers) not in (3, 7):
-        message = f"{shown(line.strip())} is no position of the base; correct or delete the line"
+        message = f"{quote(line.strip())} is no position of the base; correct or delete the line"
         raise InputError.in_file(path, message)
     values = [x for x in numbers if x is not None]
     if len(values) == 3:

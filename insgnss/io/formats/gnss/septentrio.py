@@ -17,7 +17,7 @@ from ....geodesy.gpstime import WEEK_S
 from ....records import Array, Finding
 from ..text.order import note
 from ..text.sentences import SentenceLines
-from ..text.text import FileLine, Source, decoded, numbered_lines
+from ..text.text import FileLine, Source, decode_text, numbered_lines
 
 ROW = re.compile(rb"^-[45] +\d{9,10}\.\d+ ", re.MULTILINE)
 ANGLE_COLUMNS = ("heading", "pitch", "roll")
@@ -55,7 +55,7 @@ def read_sbf_attitudes(
         A line that was cut or has no number where one should be; a text without such attitudes.
     """
     rows: dict[str, list[list[float]]] = {"-4": [], "-5": []}
-    for number, text in numbered_lines(decoded(path)):
+    for number, text in numbered_lines(decode_text(path)):
         fields = text.split()
         if not fields or fields[0] not in rows:
             continue

@@ -33,7 +33,7 @@ import numpy as np
 from ....base import __version__
 from ....base.errors import InputError, UsageError
 from ....base.files import atomic_write
-from ....base.inputs import opened, readable
+from ....base.inputs import open_bytes, readable
 from ....geodesy.gpstime import calendar_from_gps
 from ....records import Array, FramedOrientation
 from ..orientation.exported import check_choice, frame_words, new_directory
@@ -307,7 +307,7 @@ def _tags(
 
 def _of_image(source: Path, tags: Tags, of_dji_only: bool) -> Tags:
     """Return the tags of an image, without angles of a gimbal that its camera does not have."""
-    with readable(source), opened(source) as stream:
+    with readable(source), open_bytes(source) as stream:
         if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
             return replace(tags, gimbal=None, gimbal_words=ANGLES_LEFT_OUT)
     return tags
@@ -315,13 +315,13 @@ def _of_image(source: Path, tags: Tags, of_dji_only: bool) -> Tags:
 
 def _arguments(source: Path, tags: Tags) -> str:
     """Return the lines by which ExifTool tags an image."""
-    with readable(source), opened(source) as stream:
+    with readable(source), open_bytes(source) as stream:
         exif, gps = exif_tags(exif_version(stream, str(source)), tags)
     return arguments(source.name, {**exif, **gps}, _properties(tags), STALE)
 
 
 def _write(source: Path, target: Path, tags: Tags) -> None:
-    with readable(source), opened(source) as stream:
+    with readable(source), open_bytes(source) as stream:
         atomic_write(target, _tagged_copy(stream, os.fstat(stream.fileno()).st_size, source, tags))
 
 

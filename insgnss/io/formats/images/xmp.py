@@ -46,9 +46,9 @@ def set_properties(
     try:
         text = EMPTY_PACKET if packet is None else packet.rstrip(b"\x00").decode("utf-8")
     except UnicodeDecodeError:
-        raise _broken(who, "is no UTF-8") from None
+        raise _broken_xmp_error(who, "is no UTF-8") from None
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise _broken(who, "declares a document type")
+        raise _broken_xmp_error(who, "declares a document type")
     ours = [(prefix, uri, (*values, *stale.get(uri, ()))) for (prefix, uri), values in new.items()]
     for own_prefix, uri, names in [*ours, *((None, uri, names) for uri, names in stale.items())]:
         bound = set(re.findall(rf'xmlns:([\w.-]+)\s*=\s*["\']{re.escape(uri)}["\']', text))
@@ -67,7 +67,7 @@ def set_properties(
     beginning, end, closing = text.rpartition(f"</{rdf}:RDF>")
     text = f"{beginning}{entry}/>\n{end}{closing}"
     if not end or not _is_written_once(text, new, stale):
-        raise _broken(who, "is not well formed")
+        raise _broken_xmp_error(who, "is not well formed")
     return text.encode("utf-8")
 
 
@@ -93,7 +93,7 @@ def _is_written_once(text: str, new: Properties, stale: Mapping[str, tuple[str, 
     return all(count.get(key) == 1 for key in ours) and not stale_names & set(count)
 
 
-def _broken(who: str, message: str) -> InputError:
+def _broken_xmp_error(who: str, message: str) -> InputError:
     return InputError(
         f"{who}: its XMP packet {message}; remove the packet or copy the image again from its"
         " source"

@@ -27,7 +27,7 @@ LOST_INTERVALS = 2.5  # intervals of the accelerometers: a single sample may be 
 LEAST_COMMON = 0.5
 
 
-def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
+def join_sensors(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
     """Join gyros and accelerometers.
 
     Parameters
@@ -60,7 +60,7 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
             f"{accel.source}: its increments have other stamps than those of {gyro.source}; write"
             " both with the same stamps, or write rates"
         )
-    force, covered = _resampled(gyro.time, time, accel.accel, gyro.quantity)
+    force, covered = _resample_forces(gyro.time, time, accel.accel, gyro.quantity)
     kept = np.count_nonzero(covered)
     if kept < LEAST_COMMON * covered.size:
         raise InputError(
@@ -90,7 +90,7 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
     )
 
 
-def _resampled(
+def _resample_forces(
     stamps: Array, time: Array, force: Array, quantity: Quantity
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return forces (n, 3) at the wanted stamps (n,), and where there are any."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ....base.errors import InputError, UsageError
-from ....base.wording import named
+from ....base.wording import spell
 from ....records import Array, Finding, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
 from ..read_options import STATED_NOTHING, ReadOptions
@@ -28,7 +28,7 @@ from ..text.order import Lines, note, put_in_order
 from ..text.stamps import spread_evenly, without_jitter
 from ..text.text import NumberTable, Source, load, loaded, parse
 from ..text.units import imu_kinds, usual_unit
-from .apart import joined
+from .apart import join_sensors
 
 Notes = tuple[Finding, ...]
 
@@ -94,8 +94,8 @@ def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamp
         return _read(path, options, required_columns(options.rate_hz))
     if options.rate_hz is not None:
         raise UsageError(
-            f"{path}: {named('rate_hz')}: gyros and accelerometers in two files need time"
-            f" stamps; leave {named('rate_hz')} out, and name the time column of both files tow"
+            f"{path}: {spell('rate_hz')}: gyros and accelerometers in two files need time"
+            f" stamps; leave {spell('rate_hz')} out, and name the time column of both files tow"
         )
     gyro, accel = (
         _read(
@@ -105,7 +105,7 @@ def read_imu_csv(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuSamp
         )
         for file, triad in ((path, GYRO), (options.accel_file, ACCEL))
     )
-    return joined(gyro, accel)
+    return join_sensors(gyro, accel)
 
 
 def _columns_of_one_triad(columns: Columns, triad: tuple[str, ...]) -> Columns:
@@ -245,7 +245,7 @@ def required_columns(rate_hz: float | None) -> tuple[str, ...]:
     """Return what a table of samples must hold, with or without a column of time."""
     if rate_hz is not None and not 0.0 < rate_hz <= MAX_RATE_HZ:
         raise UsageError(
-            f"{named('rate_hz')} = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}; give"
+            f"{spell('rate_hz')} = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}; give"
             " samples a second"
         )
     return IMU_COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
@@ -286,8 +286,8 @@ def _samples(
     if options.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
-                f"{lines.path}: {named('rate_hz')} is given, but the file has a time column; leave"
-                f" it out, or leave the time column out of {named('columns')}"
+                f"{lines.path}: {spell('rate_hz')} is given, but the file has a time column; leave"
+                f" it out, or leave the time column out of {spell('columns')}"
             )
         time, counter_notes = _by_rate(clock, lines, len(gyro), options.rate_hz, same)
         notes = (*notes, *counter_notes)

@@ -22,10 +22,10 @@ from ....base.errors import InputError, UsageError
 from ....base.files import lines_of
 from ....base.received.nesting import parse_json
 from ....base.units import LARGEST_UNIT, is_number
-from ....base.wording import named
+from ....base.wording import spell
 from ....records import Array, WaveletVariance, chi_square_interval
 from ..text.columns import TableSpec
-from ..text.layout import decode, is_comment, shown
+from ..text.layout import decode, is_comment, quote
 from ..text.text import Source, TextTable, load_bytes, number, read_text_table
 from ..text.units import check_units, unit_factor
 
@@ -240,7 +240,7 @@ def _axis_name(text: str, refuse: Refusal) -> str:
     match = _AXIS.fullmatch(text.strip())
     if match is None:
         raise refuse(
-            f"axis {shown(text)}; write gyro_x, gyro_y, gyro_z, accel_x, accel_y or accel_z"
+            f"axis {quote(text)}; write gyro_x, gyro_y, gyro_z, accel_x, accel_y or accel_z"
         )
     return f"{'gyro' if match[1].lower().startswith('g') else 'accel'}_{match[2].lower()}"
 
@@ -338,7 +338,7 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
             members = ", ".join(content)
             raise UsageError(
                 f"{path}: {f'no member {member!r}' if member else 'several members'}; set"
-                f" {named('member')} to one of {members}"
+                f" {spell('member')} to one of {members}"
             )
         content = content[name]
     if not isinstance(content, dict):
@@ -349,7 +349,7 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
         )
     if member is not None and name != member:
         raise UsageError(
-            f"{path}: no member {member!r}; leave {named('member')} out, the file has one sensor"
+            f"{path}: no member {member!r}; leave {spell('member')} out, the file has one sensor"
         )
     return content, name
 
@@ -380,7 +380,7 @@ def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
         [float(x) if is_number(x) and abs(x) < LARGEST_UNIT else np.nan for x in flat]
     )
     if numbers.size == 0 or not np.isfinite(numbers).all():
-        raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
+        raise refuse(f"{key} {quote(json.dumps(value))}; finite numbers are expected")
     return numbers
 
 
@@ -388,5 +388,5 @@ def _strings(value: Any, key: str, refuse: Refusal) -> list[str]:
     """Return the texts of a JSON text or list of texts, one or more."""
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
-        raise refuse(f"{key} {shown(json.dumps(value))}; text is expected")
+        raise refuse(f"{key} {quote(json.dumps(value))}; text is expected")
     return texts

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.advance import through
-from ....base.errors import InputError, installed
-from ....base.wording import DOCTOR, named
+from ....base.errors import InputError, required_library
+from ....base.wording import DOCTOR, spell
 from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..read_options import ReadOptions
@@ -54,7 +54,7 @@ def read_log(path: Source) -> Log:
 def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     from ..text import _kernels
 
-    with installed(NEEDS_PYMAVLINK, path):
+    with required_library(NEEDS_PYMAVLINK, path):
         from pymavlink.DFReader import FORMAT_TO_STRUCT
     lengths = np.zeros(256, dtype=np.int64)
     lengths[FMT] = 89
@@ -240,7 +240,7 @@ def _raw_pair(log: Log, gyro: LogMessage) -> tuple[LogMessage, tuple[Finding, ..
     """
     accel = log.message((gyro.name.replace("GYR", "ACC"),))
     if "SampleUS" not in gyro:
-        present = f"it has {' '.join(gyro.columns)}; set {named('variable')} to IMU"
+        present = f"it has {' '.join(gyro.columns)}; set {spell('variable')} to IMU"
         raise InputError(f"{log.path}: {gyro.name} has no SampleUS; {present}")
     time, *rates = gyro.floats("SampleUS", *IMU_FIELDS[:3])
     stamps, *forces = accel.floats("SampleUS", *IMU_FIELDS[3:])

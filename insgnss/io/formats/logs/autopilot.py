@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....base.wording import named
+from ....base.wording import spell
 from ....records import Array, BarometerHeights, CameraEvents, Finding, ImuSamples
 from ..barometer import BAROMETER_ROWS, heights_from_columns
 from ..events.events import events_in_order
@@ -63,7 +63,7 @@ class LogMessage:
 
     def refuse_infinite(self, columns: Mapping[str, Array]) -> None:
         """Refuse the first value that is not finite in columns (n,)."""
-        advice = f"set {named('variable')} to another message, or export the other rows as a table"
+        advice = f"set {spell('variable')} to another message, or export the other rows as a table"
         for label, column in columns.items():
             message = f"{label} is {{}}; it must be finite: {advice}"
             refuse_rows(self.lines, ~np.isfinite(column), message, column)

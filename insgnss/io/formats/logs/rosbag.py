@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ....base.advance import share
-from ....base.errors import InputError, UsageError, installed, legible
-from ....base.wording import DOCTOR, named
+from ....base.errors import InputError, UsageError, legible, required_library
+from ....base.wording import DOCTOR, spell
 from ....records import Array, ImuSamples
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
@@ -52,9 +52,9 @@ def bag_file(path: Path) -> Path:
 
 
 @contextmanager
-def _opened(path: Source) -> Iterator[Any]:
+def _open_bag(path: Source) -> Iterator[Any]:
     """An open bag, and its failures in one line."""
-    with installed(NEEDS_ROSBAGS, path):
+    with required_library(NEEDS_ROSBAGS, path):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     file = Path(path)
@@ -86,7 +86,7 @@ def _topics(reader: Any) -> dict[str, list[Any]]:
 
 def tables_of_bag(path: Source) -> list[TableInfo]:
     """List the topics of IMU messages, with the number of messages of each."""
-    with _opened(path) as reader:
+    with _open_bag(path) as reader:
         return [
             TableInfo(name, IMU_COLUMNS, sum(connection.msgcount for connection in connections))
             for name, connections in _topics(reader).items()
@@ -116,12 +116,12 @@ def read_imu_rosbag(path: Source, options: ReadOptions = STATED_NOTHING) -> ImuS
         A bag that cannot be read, or has no such topic.
     """
     variable = options.variable
-    with _opened(path) as reader:
+    with _open_bag(path) as reader:
         topics = _topics(reader)
         names = ", ".join(topics) or "none"
         if variable is None and len(topics) > 1:
             raise UsageError(
-                f"{path}: IMU messages of {names}; set {named('variable')} to one of them"
+                f"{path}: IMU messages of {names}; set {spell('variable')} to one of them"
             )
         chosen = next(iter(topics), "") if variable is None else variable
         if chosen not in topics:

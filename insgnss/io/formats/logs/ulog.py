@@ -14,8 +14,8 @@ import warnings
 
 import numpy as np
 
-from ....base.errors import InputError, installed, legible
-from ....base.wording import DOCTOR, named
+from ....base.errors import InputError, legible, required_library
+from ....base.wording import DOCTOR, spell
 from ....geodesy.gpstime import gps_from_unix_utc
 from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from ..gnss.fixes import FixScales, fixes_from_columns
@@ -68,7 +68,7 @@ def read_log(path: Source) -> Log:
     """Read all topics; further sensors have their number behind: sensor_gps_1."""
     from ..text import _kernels
 
-    with installed(NEEDS_PYULOG, path):
+    with required_library(NEEDS_PYULOG, path):
         from pyulog import ULog
     buf = load_bytes(path)
     end = int(_kernels.ulog_end(buf, ULOG_HEADER_BYTES)) if buf.size > ULOG_HEADER_BYTES else 0
@@ -161,7 +161,7 @@ def read_imu_ulog(path: Source, options: ReadOptions) -> ImuSamples:
         intervals = ("delta_angle_dt", "delta_velocity_dt")
         *values, dt_gyro, dt_accel = message.floats(*labels, *intervals)
         if not ((dt_gyro > 0.0) & (dt_accel > 0.0)).all():
-            advice = f"set {named('variable')} to sensor_combined"
+            advice = f"set {spell('variable')} to sensor_combined"
             raise InputError(
                 f"{path}: {message.name} has an integration interval of zero; {advice}"
             )

@@ -156,7 +156,7 @@ def _angle_groups(
     )
 
 
-def _folded(eo: FramedOrientation) -> Array:
+def _fold_angles(eo: FramedOrientation) -> Array:
     return np.column_stack([eo.time % WEEK_S, eo.gps_week + eo.time // WEEK_S])
 
 
@@ -188,7 +188,7 @@ COLUMN_GROUPS: dict[str, ColumnGroup] = {
         "matrix",
         lambda eo, how: quaternion_from_rotation(in_camera_axes(eo, how)[0]),
     ),
-    "time": ColumnGroup(("tow", "week"), "time", lambda eo, _: _folded(eo)),
+    "time": ColumnGroup(("tow", "week"), "time", lambda eo, _: _fold_angles(eo)),
     "number": ColumnGroup(
         ("number",), "whole", lambda eo, _: np.arange(1.0, len(eo.images) + 1.0)[:, None]
     ),

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, legible
-from ....base.inputs import opened, readable
-from ....base.output.staging import staged
+from ....base.inputs import open_bytes, readable
+from ....base.output.staging import staged_path
 from ....base.unpacking import check_archive
 from ....records import ExteriorOrientation
 from ....records.rows import covariance_of_rows
@@ -59,7 +59,7 @@ def write_eo_covariance(
     arrays |= {f"cov_{k}": strip.cov for k, strip in enumerate(strips)}
     if common is not None:
         arrays |= {"segment": common.segment, "common": common.factor}
-    with staged(path) as work, work.open("wb") as stream:  # not in memory: up to 256 MB
+    with staged_path(path) as work, work.open("wb") as stream:  # not in memory: up to 256 MB
         np.savez(stream, allow_pickle=False, **arrays)
 
 
@@ -164,7 +164,7 @@ def opened_archive(path: Source, damaged: str) -> Iterator[Any]:
     with (
         readable(path),
         legible(path, damaged, OSError),
-        opened(path) as stream,
+        open_bytes(path) as stream,
         np.load(stream, allow_pickle=False) as file,
     ):
         check_archive(path, file.zip)

@@ -120,7 +120,7 @@ def write_eo_json(
     if eo.rig is not None:
         content["cameras"] = _cameras(eo.rig)
     if many:
-        numbers, digest = eo_packed.packed(eo)
+        numbers, digest = eo_packed.pack_numbers(eo)
         beside = eo_packed.side_file(path)
         content["packed"] = {
             "file": beside.name,
@@ -236,7 +236,7 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
     """
     content = _content(path)
     with refusing(path, "export the file again"):
-        packed = _packed(path, content)
+        packed = _read_archive(path, content)
         names, numbers, quaternion = _images(content, packed)
         eo = ExteriorOrientation(
             images=names,
@@ -298,14 +298,14 @@ def read_one_camera(path: Source, consumer: str) -> ExteriorOrientation:
     raise InputError.in_file(path, message)
 
 
-def _packed(path: Source, content: dict[str, Any]) -> eo_packed.Unpacked | None:
+def _read_archive(path: Source, content: dict[str, Any]) -> eo_packed.Unpacked | None:
     """Return the numbers that stand in the archive beside; None where the text has them."""
     if content["format_version"] != PACKED_VERSION and "packed" not in content:
         return None
     file, digest = str(content["packed"]["file"]), str(content["packed"]["sha256"])
     if Path(file).name != file:
         raise ValueError(f"packed.file {file!r} is no name of a file beside it")
-    return eo_packed.unpacked(Path(path).with_name(file), digest, len(content["images"]))
+    return eo_packed.unpack_numbers(Path(path).with_name(file), digest, len(content["images"]))
 
 
 def _images(

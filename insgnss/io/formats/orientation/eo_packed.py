@@ -60,12 +60,12 @@ class Unpacked:
 
 
 def meanings(eo: ExteriorOrientation) -> dict[str, str]:
-    """Return what the arrays of `packed` are, in words."""
+    """Return what the arrays of `pack_numbers` are, in words."""
     arrays = ARRAYS | ({} if eo.rig is None else RIG_ARRAYS)
     return {name: meaning for name, (_, meaning) in arrays.items()}
 
 
-def packed(eo: ExteriorOrientation) -> tuple[bytes, str]:
+def pack_numbers(eo: ExteriorOrientation) -> tuple[bytes, str]:
     """Return the numbers of the images as the content of a file, and its SHA-256.
 
     The same numbers give the same bytes.
@@ -89,7 +89,7 @@ def packed(eo: ExteriorOrientation) -> tuple[bytes, str]:
     return content, hashlib.sha256(content).hexdigest()
 
 
-def unpacked(path: Path, digest: str, count: int) -> Unpacked:
+def unpack_numbers(path: Path, digest: str, count: int) -> Unpacked:
     """Return the numbers of `count` images.
 
     Parameters

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.output.staging import staged
+from ....base.output.staging import staged_path
 from ....records.block import Array
 from ....records.rows import covariance_of_rows
 from ..text.text import Source
@@ -29,7 +29,7 @@ def write_pose_covariance(images: Sequence[str], cov: Array, path: Source) -> No
     path : path
         The file.
     """
-    with staged(path) as work, work.open("wb") as stream:
+    with staged_path(path) as work, work.open("wb") as stream:
         np.savez(stream, images=np.array(images), cov=cov)
 
 

@@ -24,9 +24,9 @@ from ..blocks.dbat import read_dbat_cameras
 from ..blocks.metashape_block import read_metashape_cameras
 from ..blocks.opensfm_model import read_opensfm_cameras
 from ..bundle.camera import brown_camera, camera_of, of_opencv
-from ..text.layout import decode, shown
+from ..text.layout import decode, quote
 from ..text.numbers import finite, whole
-from ..text.text import Source, decoded
+from ..text.text import Source, decode_text
 from ..text.xml import read_xml
 from .inpho import read_inpho_cameras
 
@@ -100,7 +100,7 @@ def read_camera(path: Source) -> BrownCamera:
     """
     cameras = read_cameras(path)
     if len(cameras) > 1:
-        names = ", ".join(shown(camera.name) for camera in cameras[:3])
+        names = ", ".join(quote(camera.name) for camera in cameras[:3])
         raise InputError.in_file(
             path,
             f"has {len(cameras)} cameras ({names}), one is needed: write one to a file by insgnss"
@@ -160,13 +160,13 @@ def _camera_of_words(path: Path, name: str, text: str) -> BrownCamera:
 def _numbers(path: Path, text: str, key: str) -> Array:
     values = np.array([finite(word) for word in re.findall(CAMERA_NUMBER, text)])
     if not values.size or not np.isfinite(values).all():
-        raise InputError.in_file(path, f"{key} {shown(text)} has no numbers; export it again")
+        raise InputError.in_file(path, f"{key} {quote(text)} has no numbers; export it again")
     return values
 
 
 def _opencv(path: Path) -> Cameras:
     """Return the camera of a calibration file of OpenCV's FileStorage, YAML or XML."""
-    text = decoded(path)
+    text = decode_text(path)
     fisheye = re.search(r"distortion_model:\s*[\"']?(equidistant|fisheye)", text) is not None
 
     def block(key: str) -> str:
@@ -192,7 +192,7 @@ def _opencv(path: Path) -> Cameras:
 def _kalibr(path: Path) -> Cameras:
     """Return the cameras of a camchain.yaml of Kalibr."""
     cameras = []
-    for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", decoded(path)):
+    for name, body in re.findall(r"(?ms)^(cam\d+):[ \t]*\n(.*?)(?=^\S|\Z)", decode_text(path)):
         matches = {
             key: re.search(rf"(?m)^\s+{key}:((?:.*\n?)(?:\s+-.*\n?)*)", body) for key in KALIBR_KEYS
         }
@@ -201,7 +201,7 @@ def _kalibr(path: Path) -> Cameras:
         if value["camera_model"] != "pinhole" or distortion not in KALIBR:
             model = f"{value['camera_model']} {distortion}"
             raise InputError.in_file(
-                path, f"camera {name}: {shown(model)}; read is pinhole {', '.join(KALIBR)}"
+                path, f"camera {name}: {quote(model)}; read is pinhole {', '.join(KALIBR)}"
             )
         K = _numbers(path, value["intrinsics"], "intrinsics")
         size = tuple(re.findall(r"\d+", value["resolution"]))
@@ -215,14 +215,14 @@ def _kalibr(path: Path) -> Cameras:
 
 
 def _colmap(path: Path) -> Cameras:
-    rows = [row.split(maxsplit=1) for row in decoded(path).splitlines() if row.strip()]
+    rows = [row.split(maxsplit=1) for row in decode_text(path).splitlines() if row.strip()]
     return tuple(
         _camera_of_words(path, row[0], row[1]) for row in rows if row[0][0] != "#" and row[1:]
     )
 
 
 def _pix4d(path: Path) -> Cameras:
-    sections = re.split(r"Pix4D camera calibration file\s+(\S+)", decoded(path))[1:]
+    sections = re.split(r"Pix4D camera calibration file\s+(\S+)", decode_text(path))[1:]
     cameras = []
     for name, body in zip(sections[::2], sections[1::2], strict=True):
         value = {key: finite(word) for key, word in re.findall(r"(?m)^(\w\w?) (\S+)\s*$", body)}
@@ -241,7 +241,9 @@ def _pix4d(path: Path) -> Cameras:
 def _pix4d_size(path: Path) -> tuple[int, int]:
     """Return the size of the images, which a .cam does not have: of the first image beside it."""
     for parameter_file in sorted(path.parent.glob("*_calibrated_camera_parameters.txt")):
-        if match := re.search(r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", decoded(parameter_file)):
+        if match := re.search(
+            r"(?m)^\S.* (\d+) (\d+)\s*\n\S+ 0 \S+\s*$", decode_text(parameter_file)
+        ):
             return whole(match[1]), whole(match[2])
     raise InputError.in_file(
         path,
@@ -258,7 +260,7 @@ def _bentley(path: Path) -> Cameras:
             text = group.findtext(key)  # type: ignore[attr-defined]
             number = default if text is None else finite(text)
             if not np.isfinite(number):
-                raise InputError.in_file(path, f"camera {name}: {key} {shown(text)}")
+                raise InputError.in_file(path, f"camera {name}: {key} {quote(text)}")
             return number
 
         width, height = value("ImageDimensions/Width", 0.0), value("ImageDimensions/Height", 0.0)
@@ -269,7 +271,7 @@ def _bentley(path: Path) -> Cameras:
             continue
         kind = (group.findtext("CameraModelType") or PERSPECTIVE).strip()
         if kind != PERSPECTIVE:
-            message = f"camera {name}: CameraModelType {shown(kind)} cannot be read"
+            message = f"camera {name}: CameraModelType {quote(kind)} cannot be read"
             raise InputError.in_file(path, f"{message}; export the camera from another program")
         of = {
             key.lower(): value(f"Distortion/{key}", 0.0) for key in ("K1", "K2", "K3", "P1", "P2")

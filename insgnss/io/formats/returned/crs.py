@@ -13,7 +13,7 @@ from ....geodesy.frames import rotation_em
 from ....geodesy.rotation import rotation_from_opk
 from ....records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from ..origins import ORIGIN_BYTES, origin_in, statement_of
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import finite
 from ..text.text import Source
 from .poses import Array
@@ -58,7 +58,7 @@ def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
         crs = crs_of(text)
     except UsageError:
         raise InputError.in_file(
-            path, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
+            path, f"the CRS {quote(text)} is unknown; name it by --crs EPSG:..."
         ) from None
     return kind_of_crs(crs)
 
@@ -200,7 +200,7 @@ def kind_of_definition(text: str, path: Source) -> tuple[str, str, tuple[float, 
     if text.upper().startswith("ENU:"):
         origin = tuple(finite(word) for word in text[4:].split(","))
         if len(origin) not in (2, 3) or not abs(origin[0]) <= 90.0 or any(map(isnan, origin)):
-            problem = f"{shown(text)} is not ENU:latitude,longitude; give both in degrees"
+            problem = f"{quote(text)} is not ENU:latitude,longitude; give both in degrees"
             raise InputError.in_file(path, problem)
         return TANGENT, "", (*origin, 0.0)[:3]
     return (*kind_of_wkt(text, path), ())

@@ -25,7 +25,7 @@ from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_vector, rotation_from_ypr
 from ....records.framed import TANGENT
 from ..text.numbers import vector_of
-from ..text.text import Source, decoded
+from ..text.text import Source, decode_text
 from .crs import kind_of_wkt
 from .poses import Array, ReturnedPoses, image_names
 
@@ -183,7 +183,7 @@ def read_opf(path: Source) -> ReturnedPoses:
 
 
 def _document(path: Source) -> Mapping[str, Any]:
-    document = parse_json(path, decoded(path))
+    document = parse_json(path, decode_text(path))
     if not isinstance(document, Mapping):
         raise InputError.in_file(path, "is no JSON object; export it again")
     return document

@@ -25,9 +25,9 @@ from ....base.errors import InputError, near
 from ....base.files import lines_of
 from ....geodesy.rotation import CV_RUB
 from ....records.block import RADIAL_MODELS, Array, BrownCamera
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import finite, whole
-from ..text.text import Source, decoded
+from ..text.text import Source, decode_text
 from .crs import kind_of_wkt
 from .poses import ReturnedPoses, checked_rotations, image_names, numbers
 
@@ -72,7 +72,7 @@ def _definitions(path: Source) -> dict[str, dict[str, str]]:
     """Return the fields of each camera that the project defines, by its name."""
     cameras: dict[str, dict[str, str]] = {}
     opening = r"(?ms)^([ \t]*)\$CAMERA(?:_DEFINITION)?[ \t]*$"
-    for _, body in re.findall(opening + r"(.*?)^\1\$END[ \t]*$", decoded(path)):
+    for _, body in re.findall(opening + r"(.*?)^\1\$END[ \t]*$", decode_text(path)):
         fields: dict[str, str] = dict(FIELD.findall(body))
         # of a calibration set the $ID stands behind that of its camera
         type_or_id = re.search(r"\$(?:TYPE|ID)[ \t]*:[ \t]*(\S.*)", body)
@@ -84,7 +84,7 @@ def _definitions(path: Source) -> dict[str, dict[str, str]]:
             chosen = [text for text in calibration_sets if re.search(number, text, re.MULTILINE)]
             if len(chosen) != 1:
                 problem = (
-                    f"camera {shown(name)}: {len(calibration_sets)} calibration sets, of which"
+                    f"camera {quote(name)}: {len(calibration_sets)} calibration sets, of which"
                 )
                 problem += f" {len(chosen)} have the number of $ACTIVE_CALIBRATION"
                 raise InputError.in_file(path, f"{problem}; keep the active one alone")
@@ -99,7 +99,7 @@ def _values(fields: Mapping[str, str], key: str, path: Source, count: int) -> Ar
     values = np.array([finite(word) for word in text.split()])
     if values.size < count or not np.isfinite(values).all():
         raise InputError.in_file(
-            path, f"${key} {shown(text.strip())}: {count} numbers are expected; export it again"
+            path, f"${key} {quote(text.strip())}: {count} numbers are expected; export it again"
         )
     return values
 
@@ -131,7 +131,7 @@ def _camera(
     )
     if any(radial[RADIAL_TERMS:]) or any(decentring[DECENTRING_TERMS:]):
         problem = f"distortion terms beyond K{RADIAL_TERMS - 1} and P{DECENTRING_TERMS}"
-        problem = f"camera {shown(name)}: {problem} have no place here; calibrate it without them"
+        problem = f"camera {quote(name)}: {problem} have no place here; calibrate it without them"
         raise InputError.in_file(path, problem)
     radial = np.pad(radial[:RADIAL_TERMS], (0, max(0, RADIAL_TERMS - radial.size)))
     decentring = np.pad(
@@ -140,7 +140,7 @@ def _camera(
     if direction is None and (radial.any() or decentring.any()):
         corner = 0.5 * np.hypot(width, height) / pixels_of_mm[1, 1]
         raise InputError.in_file(
-            path, _undecided(name, radial, decentring, corner, float(pixels_of_mm[1, 1]))
+            path, _undecided_parameters(name, radial, decentring, corner, float(pixels_of_mm[1, 1]))
         )
     order = slice(None, None, -1 if (direction or "").endswith(EXCHANGED) else 1)
     scale, p = 1.0 + radial[0], rotation[:2, :2] @ decentring[order]
@@ -167,11 +167,11 @@ def _camera(
     return BrownCamera(name, width, height, np.array([f, cx, cy, focal_x - f, skew, *k, *p]))
 
 
-def _undecided(name: str, K: Array, P: Array, corner: float, px: float) -> str:
+def _undecided_parameters(name: str, K: Array, P: Array, corner: float, px: float) -> str:
     """Return what the file of a camera does not say, with its size at a corner (mm; px/mm)."""
     largest = px * abs(corner * (K @ corner ** (2.0 * np.arange(RADIAL_TERMS))))
     problem = (
-        f"camera {shown(name)}: does not say the direction of its distortion"
+        f"camera {quote(name)}: does not say the direction of its distortion"
         f" ({largest:.3g} px at the corners)"
     )
     if P.any():  # orders differ by (P1 - P2) (r^2 + 2 x^2 - 2 x y), at most r^2 (2 + sqrt 2) of it
@@ -205,7 +205,7 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
         A block that is not complete, a matrix that is no rotation, or a camera that is not
         defined, with file and line.
     """
-    lines = lines_of(decoded(path))
+    lines = lines_of(decode_text(path))
     names, rows, matrices, turned, left_out = [], [], [], [], 0
     sensors = {name: _axes(fields, path)[1] for name, fields in _definitions(path).items()}
     photo: dict[str, tuple[int, str]] | None = None
@@ -241,7 +241,7 @@ def read_inpho_prj(path: Source) -> ReturnedPoses:
     R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
     notes = (f"{left_out} photographs without orientation are left out",) if left_out else ()
     C = R.swapaxes(1, 2) @ np.array(turned).swapaxes(1, 2)
-    systems = {" ".join(text.split()) for text in INPHO_CRS.findall(decoded(path))}
+    systems = {" ".join(text.split()) for text in INPHO_CRS.findall(decode_text(path))}
     wkt = systems.pop() if len(systems) == 1 else ""
     kind, crs = kind_of_wkt(wkt, path) if "[" in wkt else ("", "")
     return ReturnedPoses(images, np.array(rows), C, kind, crs, notes=notes)
@@ -258,5 +258,5 @@ def _axes_rotation(sensors: Mapping[str, Array], named: tuple[int, str], path: S
         rotation = next(iter(sensors.values()), CV_RUB)
         if any(np.abs(R - rotation).max() > SAME_TURN for R in sensors.values()):
             nearest = near(name, sensors)
-            raise InputError.at_line(path, line, f"camera {shown(name)} is not defined; {nearest}")
+            raise InputError.at_line(path, line, f"camera {quote(name)} is not defined; {nearest}")
     return rotation

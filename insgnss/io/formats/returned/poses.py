@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ..blocks.measured_block import file_names
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.text import Source, number
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def checked_rotations(R: Array, names: Sequence[str], path: Source) -> Array:
     if (deviation > ROUND).any():
         k = int(np.argmax(deviation > ROUND))
         raise InputError.in_file(
-            path, f"the matrix of image {shown(names[k])} is no rotation; export it again"
+            path, f"the matrix of image {quote(names[k])} is no rotation; export it again"
         )
     return R
 

@@ -21,9 +21,9 @@ from ..blocks.colmap_model import read_colmap_poses
 from ..blocks.metashape_chunk import chunk_poses, on_globe, opened_chunk
 from ..blocks.opensfm_model import read_opensfm_poses
 from ..bundle.micmac import read_micmac_xml
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source, check_fields, decoded
+from ..text.text import Source, check_fields, decode_text
 from ..text.xml import read_xml, text_of
 from .crs import kind_of_definition, of_other_ellipsoid
 from .poses import UNPOSED, Array, ReturnedPoses, checked_rotations, image_names, numbers
@@ -75,7 +75,7 @@ def read_bentley(path: Source) -> ReturnedPoses:
                 names.append(name)
                 if system and system not in systems:
                     problem = (
-                        f"photograph {shown(name)}: SRSId {shown(system)} is not among the <SRS> of"
+                        f"photograph {quote(name)}: SRSId {quote(system)} is not among the <SRS> of"
                         " this file"
                     )
                     raise InputError.in_file(path, f"{problem}; export again")
@@ -116,7 +116,7 @@ def _number(element: Element, tag: str, name: str, path: Source) -> float:
     """Return a finite number of an element."""
     value = finite(text := element.findtext(tag))
     if np.isnan(value):
-        problem = f"photograph {shown(name)}: {tag} {shown(text)} is no number"
+        problem = f"photograph {quote(name)}: {tag} {quote(text)} is no number"
         raise InputError.in_file(path, f"{problem}; {PLAIN}, or export again")
     return value
 
@@ -127,7 +127,7 @@ def _rotation(pose: Element, name: str, path: Source) -> Array:
     if rotation is None:
         raise InputError.in_file(
             path,
-            f"photograph {shown(name)} has no rotation; export the project after its adjustment",
+            f"photograph {quote(name)} has no rotation; export the project after its adjustment",
         )
     if rotation.find("M_00") is not None:
         return np.array(
@@ -135,7 +135,7 @@ def _rotation(pose: Element, name: str, path: Source) -> Array:
         )
     if rotation.find("Omega") is None:
         angles = ", ".join(angle.tag for angle in rotation)
-        problem = f"photograph {shown(name)}: its rotation has {angles}"
+        problem = f"photograph {quote(name)}: its rotation has {angles}"
         raise InputError.in_file(path, f"{problem}; export matrices or omega, phi, kappa")
     degrees = [_number(rotation, angle, name, path) for angle in ("Omega", "Phi", "Kappa")]
     return rotation_from_opk(np.radians([degrees]))[0].T
@@ -147,7 +147,7 @@ def _camera_axes(text: str, path: Source) -> Array:
     x, y = (np.array(BENTLEY_DIRECTIONS.get(word, (0.0, 0.0, 0.0))) for word in (to_x, to_y))
     z = np.cross(x, y)
     if not z.any():
-        raise InputError.in_file(path, f"CameraOrientation {shown(text)} is unknown")
+        raise InputError.in_file(path, f"CameraOrientation {quote(text)} is unknown")
     return np.array([x, y, z])
 
 
@@ -249,13 +249,13 @@ def read_colmap(path: Source) -> ReturnedPoses:
     named: list[str] = []
     rows: list[list[float]] = []
     poses_next = True
-    for line, text in enumerate(lines_of(decoded(file)), start=1):
+    for line, text in enumerate(lines_of(decode_text(file)), start=1):
         if text.startswith("#"):
             fields = text.split()
             if fields[1:2] == ["shift:"]:
                 shift = np.array(numbers(fields[2:5], file, line))
                 if shift.size != 3:
-                    problem = f"{shown(text)}: a shift is three numbers; copy the file again"
+                    problem = f"{quote(text)}: a shift is three numbers; copy the file again"
                     raise InputError.at_line(file, line, problem)
             continue
         if poses_next:

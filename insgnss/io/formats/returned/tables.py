@@ -30,8 +30,8 @@ from ....records.framed import GEOGRAPHIC, PROJECTED
 from ..blocks.gcp_list import head_crs
 from ..blocks.pose_table import read_position_table
 from ..origins import ORIGIN_BYTES
-from ..text.layout import shown, split_fields, unquoted
-from ..text.text import Source, check_fields, decoded, numbered_lines
+from ..text.layout import quote, split_fields, unquote
+from ..text.text import Source, check_fields, decode_text, numbered_lines
 from .crs import COORDINATE_SYSTEM, kind_of_wkt
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, numbers
 
@@ -70,7 +70,7 @@ def read_metashape_opk_text(path: Source) -> ReturnedPoses:
         A line of another length, or a matrix that is not that of its angles, with file and line.
     """
     names, rows = [], []
-    for line, text in enumerate(lines_of(decoded(path)), start=1):
+    for line, text in enumerate(lines_of(decode_text(path)), start=1):
         if not text.strip() or text.startswith("#"):
             continue
         fields = text.split("\t") if "\t" in text else text.split()
@@ -131,7 +131,7 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
     InputError
         No header or no coordinates, with file and line; a CRS that is unknown.
     """
-    lines = lines_of(decoded(path))
+    lines = lines_of(decode_text(path))
     wkt, header_row, fields, delimiter = _reference_header(path, lines)
     base = {name.removesuffix("_est") for name in fields}
     angles = next((name for name in ("yaw", "omega") if name in base), "")
@@ -202,7 +202,7 @@ def _reference_rows(
     names, rows = [], []
     for line, cells in table_rows:
         if len(cells) > len(fields):
-            line_text = shown(" ".join(cells))
+            line_text = quote(" ".join(cells))
             problem = f"{len(cells)} fields, the header has {len(fields)}: {line_text}"
             raise InputError.at_line(path, line, problem)
         pose = [cells[k] if k < len(cells) else "" for k in columns]
@@ -254,7 +254,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
     InputError
         A line of another length, or another unit of angles, with file and line.
     """
-    lines = lines_of(decoded(path))
+    lines = lines_of(decode_text(path))
     header = next((k for k, text in enumerate(lines) if IGN_HEADER.match(text)), 0)
     names, table = _name_xyz_opk(path, "nom", OPK_COLUMNS + 1, header)
     for line, text in enumerate(lines[:header], start=1):
@@ -263,7 +263,7 @@ def read_ign_opk(path: Source) -> ReturnedPoses:
             factor = next((IGN_UNITS[k] for k in IGN_UNITS if unit.strip().startswith(k)), None)
             if factor is None:
                 raise InputError.at_line(
-                    path, line, f"angles in {shown(unit.strip())}; grades, degres, radians are read"
+                    path, line, f"angles in {quote(unit.strip())}; grades, degres, radians are read"
                 )
             table[:, 3:] *= factor
     return _poses_of_angles(path, names, table)
@@ -277,16 +277,14 @@ def _name_xyz_opk(
     The header, which may be missing, begins with `first`; lines before it are `skipped`.
     """
     names, rows = [], []
-    for line, text in enumerate(lines_of(decoded(path)), start=1):
-        fields = [
-            unquoted(word) for word in split_fields(text.replace(",", " ").lstrip("# "), None)
-        ]
+    for line, text in enumerate(lines_of(decode_text(path)), start=1):
+        fields = [unquote(word) for word in split_fields(text.replace(",", " ").lstrip("# "), None)]
         if line <= skipped or not fields or fields[0].lower() == first:
             continue
         if len(fields) != columns:
             commas = "; are the decimal signs commas? write decimal points" if "," in text else ""
             raise InputError.at_line(
-                path, line, f"{len(fields)} fields, expected {columns}: {shown(text)}{commas}"
+                path, line, f"{len(fields)} fields, expected {columns}: {quote(text)}{commas}"
             )
         names.append(fields[0])
         rows.append(numbers(fields[1:OPK_COLUMNS], path, line))
@@ -311,7 +309,7 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
     InputError
         A file that ends within an image, or a matrix that is no rotation, with file and line.
     """
-    lines = lines_of(decoded(path))
+    lines = lines_of(decode_text(path))
     first_line = 1 + next(
         (index for index, text in enumerate(lines) if text.startswith("camera model")), -1
     )
@@ -326,7 +324,7 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
         if len(section) < PIX4D_LINES or len(section[0][1]) < 3:
             line, fields = section[-1] if len(section) < PIX4D_LINES else section[0]
             problem = (
-                f"{shown(' '.join(fields))}: an image has {PIX4D_LINES} lines; copy the file again"
+                f"{quote(' '.join(fields))}: an image has {PIX4D_LINES} lines; copy the file again"
             )
             raise InputError.at_line(path, line, problem)
         names.append(" ".join(section[0][1][:-2]))
@@ -357,7 +355,7 @@ def _pix4d_offset_and_crs(
     offset, notes = np.zeros(3), []
     offset_file = file.with_name(f"{project}_offset.xyz")
     if project and offset_file.is_file():
-        fields = " ".join(lines_of(decoded(offset_file))).split()
+        fields = " ".join(lines_of(decode_text(offset_file))).split()
         if len(fields) != len(offset):
             raise InputError.at_line(
                 offset_file, 1, f"{len(fields)} numbers, expected 3; copy it again"
@@ -371,7 +369,7 @@ def _pix4d_offset_and_crs(
     definition = file.with_name(f"{project}_wkt.prj")
     kind, crs = "", ""
     if project and definition.is_file():
-        kind, crs = kind_of_wkt(" ".join(lines_of(decoded(definition))).strip(), definition)
+        kind, crs = kind_of_wkt(" ".join(lines_of(decode_text(definition))).strip(), definition)
     return offset, kind, crs, tuple(notes)
 
 
@@ -394,14 +392,14 @@ def read_odm_geo(path: Source) -> ReturnedPoses:
         No CRS, or a line that is not name, x, y, z, three angles and two accuracies, with file and
         line.
     """
-    rows = numbered_lines(decoded(path))
+    rows = numbered_lines(decode_text(path))
     crs = head_crs(path, rows[0]) if rows else ""
     names, position, sigma = [], [], []
     for line, text in rows[1:]:
         fields = text.split()
         if len(fields) not in ODM_FIELDS:
             problem = f"{len(fields)} fields, name x y z yaw pitch roll horizontal vertical"
-            raise InputError.at_line(path, line, f"{problem} are expected: {shown(text.strip())}")
+            raise InputError.at_line(path, line, f"{problem} are expected: {quote(text.strip())}")
         names.append(fields[0])
         position.append(numbers(fields[1:4], path, line))
         if len(fields) == ODM_FIELDS[-1]:

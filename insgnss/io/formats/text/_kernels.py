@@ -44,7 +44,7 @@ _TEN_ZERO = EXPONENT_LIMIT + 20  # index of 10^0 in `_TEN`
 
 
 @njit(cache=True, allocates=False)
-def _scaled(m, e):
+def _scale_by_power_of_ten(m, e):
     """m 10^e for 0 <= m < 10^18 and any e within the table."""
     if m < 9007199254740992 and -22 <= e <= 22:
         if e < 0:
@@ -145,7 +145,7 @@ def _number(buf, i, decimal):
         return (-0.0 if negative else 0.0), i, True
     if abs(e) > EXPONENT_LIMIT:
         return 0.0, i, False
-    x = _scaled(m, e)
+    x = _scale_by_power_of_ten(m, e)
     return (-x if negative else x), i, True
 
 

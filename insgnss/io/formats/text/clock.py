@@ -20,12 +20,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.wording import written
+from ....base.wording import fill_in
 from ....geodesy.gpstime import DAY_S, WEEK_S, gps_from_unix_utc, unwrap_week
 from ....records import Array, Finding
 from ..names import FRACTIONS_S
 from .order import SHARE_LIMIT, Lines, Picked, Rows, note, put_in_order, refuse_rows
-from .stamps import LEAST_LEVEL_ROWS, LEVEL_ROWS, unrepeated
+from .stamps import LEAST_LEVEL_ROWS, LEVEL_ROWS, without_repetitions
 from .units import SENSOR_SCALES, split_unit, unit_factor
 
 Notes = tuple[Finding, ...]
@@ -144,7 +144,7 @@ def examined_time(
         raise lines.error_at(0, f"{message}, or correct their times")
     time, gps_week = gps_time(lines, tow, week, gps_week, unit)
     if same is not None:
-        time, repeat_notes = unrepeated(time, same, name)
+        time, repeat_notes = without_repetitions(time, same, name)
         notes = (*notes, *repeat_notes)
     return time, gps_week, notes
 
@@ -176,7 +176,9 @@ def ordered_time(
 
     shared = np.mean(time[1:] == time[:-1]) if time.size > 1 else 0.0
     # fewer stamps that a receiver repeats are single contradictions
-    time, repeat_notes = unrepeated(time, same_dated, name) if shared > SHARE_LIMIT else (time, ())
+    time, repeat_notes = (
+        without_repetitions(time, same_dated, name) if shared > SHARE_LIMIT else (time, ())
+    )
     rows, notes = put_in_order(lines, time, same_dated, name)
     if rows is not None:
         time, dated = time[rows], dated[rows]
@@ -197,7 +199,7 @@ def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) ->
             )
             row = int(np.argmin(seconds))
             raise lines.error_at(
-                row, f"{problem}, {written('units time', 'units = { time = ... }')}"
+                row, f"{problem}, {fill_in('units time', 'units = { time = ... }')}"
             )
         first = int(seconds[0] // WEEK_S)
         time = seconds - first * WEEK_S
@@ -269,7 +271,7 @@ def on_one_clock(
     if step.min() > 0.0 and step.max() < longest:
         return tow, week, 0, tuple(notes)
     if week is None and not epoch.startswith(("unix", "gps")):
-        seconds, ranges = _unwrapped(seconds, factor)
+        seconds, ranges = _unwrap_counter(seconds, factor)
         seconds = unwrap_week(seconds)
         notes += [_begins_anew(lines, name, row, length) for row, length in ranges]
     undated = 0
@@ -335,7 +337,7 @@ def line_of(lines: Lines, row: int) -> str:
     return str(lines.error_at(row, "")).strip(": ")
 
 
-def _unwrapped(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]]]:
+def _unwrap_counter(time: Array, tick: float) -> tuple[Array, list[tuple[int, float]]]:
     """Return stamps (n,), s, of a counter that begins anew, and rows and ranges where it does."""
     ranges = sorted({*RANGES_S, *(tick * count for count in COUNTED)})
     done, out = [], time

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError, near
 from ....base.files import atomic_write
-from ....base.wording import named, written
+from ....base.wording import fill_in, spell
 from ....records import Array, Finding
 from ..names import Names, taken_by_readers
 from .clock import examined_time, gps_time
 from .dates import UNIX as DATES_UNIT
 from .direct import DirectRows
-from .headers import KIND_OF, SENSORS, Kinds, Settled, names_of, normalised, settled_units
-from .layout import TextLayout, shown
+from .headers import KIND_OF, SENSORS, Kinds, Settled, names_of, normalise_header, settled_units
+from .layout import TextLayout, quote
 from .order import first_repeat, note, open_end, refuse_rows
 from .text import NumberTable, Source, TextTable, format_rows, read_table, read_text_table
 from .units import check_units
@@ -122,23 +122,23 @@ class TableSpec:
             why = f"names {twice} twice" if twice else f"does not name {', '.join(missing)}"
             line = None if columns is not None else layout.header_line
             how = (
-                f"set {_listed()} of {', '.join(self.names)}, with '-' for what is to be left out,"
-                f" or {written('columns {...}', COLUMNS_EXAMPLE)}"
+                f"set {_list_columns()} of {', '.join(self.names)}, with '-' for what is to be left"
+                f" out, or {fill_in('columns {...}', COLUMNS_EXAMPLE)}"
             )
             raise UnnamedColumns.at_line(path, line, f"{source} {why}", how)
         header = layout.header_fields or () if self.strict else ()
-        beside = (self.ignored.get(normalised(name)[0], "") for name in header)
+        beside = (self.ignored.get(normalise_header(name)[0], "") for name in header)
         ignored = " ".join(beside).split()
         for k, title in enumerate(header):
-            name, unit = normalised(title)
+            name, unit = normalise_header(title)
             if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
                 problem = f"is in {unit!r}, but must be in {units[0]}; convert it"
             elif k not in index.values() and columns is None and name not in ignored:
-                how = f"delete it, or list all columns in {_listed()} with '-' in its place"
+                how = f"delete it, or list all columns in {_list_columns()} with '-' in its place"
                 problem = f"is unknown; {near(name, self.names)}; {how}"
             else:
                 continue
-            raise InputError.at_line(path, layout.header_line, f"column {shown(title)} {problem}")
+            raise InputError.at_line(path, layout.header_line, f"column {quote(title)} {problem}")
         return index
 
     def _assigned(
@@ -147,20 +147,20 @@ class TableSpec:
         """Return the canonical name of each field, and what names it."""
         n = layout.n_fields
         if isinstance(columns, Mapping):
-            source = f"{named('columns')} = {dict(columns)}"
+            source = f"{spell('columns')} = {dict(columns)}"
             return self._from_mapping(path, layout, columns), source
         if columns is not None:
             if len(columns) != n:
                 message = (
-                    f"{n} fields, but {named('columns')} names {len(columns)}: {list(columns)}"
+                    f"{n} fields, but {spell('columns')} names {len(columns)}: {list(columns)}"
                 )
                 advice = "name each field, '-' for what is to be left out"
                 raise InputError.at_line(path, layout.first_line, f"{message}; {advice}")
-            taken, source = columns, f"{named('columns')} = {list(columns)}"
+            taken, source = columns, f"{spell('columns')} = {list(columns)}"
         elif layout.header is not None:
             if layout.header_fields is None:
                 raise _uneven_header(path, layout)
-            return self.named(layout.header_fields), f"the header {shown(layout.header, 400)}"
+            return self.named(layout.header_fields), f"the header {quote(layout.header, 400)}"
         else:
             layouts = [names.split() for names in self.layouts]
             taken, source = next((names for names in layouts if len(names) == n), []), "the default"
@@ -169,7 +169,7 @@ class TableSpec:
                     f"{n} fields and no header; without a header the columns must be"
                     f" {'; '.join(self.layouts)}"
                 )
-                how = f"name them by {_listed()} of {', '.join(self.names)}"
+                how = f"name them by {_list_columns()} of {', '.join(self.names)}"
                 if "image" in self.names and not layout.delimiter and n > max(map(len, layouts)):
                     how += '; names with blanks stand in quotation marks: "my image 1.jpg"'
                 raise UnnamedColumns.at_line(path, layout.first_line, message, how)
@@ -182,12 +182,12 @@ class TableSpec:
         for canonical, column in columns.items():
             if canonical not in self.names:
                 choices = ", ".join(self.names)
-                name = f"{named('columns')}: {canonical!r}"
+                name = f"{spell('columns')}: {canonical!r}"
                 raise UsageError(f"{path}: {name} is none of {choices}")
             index = place_of(path, layout, column)
             if assigned[index] is not None:
                 raise UsageError(
-                    f"{path}: {named('columns')}: {column!r} is both {assigned[index]} and"
+                    f"{path}: {spell('columns')}: {column!r} is both {assigned[index]} and"
                     f" {canonical}; give each a field of its own"
                 )
             assigned[index] = canonical
@@ -226,18 +226,18 @@ class UnnamedColumns(InputError):
 COLUMNS_EXAMPLE = 'columns = { tow = "its name in the file", ... }'
 
 
-def _listed() -> str:
+def _list_columns() -> str:
     """How the present caller lists the columns of a table."""
-    return written("columns [...]", "columns = [...]")
+    return fill_in("columns [...]", "columns = [...]")
 
 
 def _uneven_header(path: str, layout: TextLayout) -> InputError:
     """Return the error of a header that has another number of fields than the data."""
     message = (
-        f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the"
+        f"the header {quote(layout.header, 400)} does not have the {layout.n_fields} fields of the"
         " data"
     )
-    how = f"set {_listed()}"
+    how = f"set {_list_columns()}"
     # of numbers alone, or behind a name
     names = len(str(layout.header).split(","))
     if layout.delimiter == "," and layout.n_fields in (2 * names, 2 * names - 1):
@@ -248,22 +248,22 @@ def _uneven_header(path: str, layout: TextLayout) -> InputError:
 def place_of(path: str, layout: TextLayout, column: str) -> int:
     """Return the index of a field that the caller names, or gives by its place."""
     fields = layout.header_fields
-    names = [normalised(field)[0] for field in fields or ()]
+    names = [normalise_header(field)[0] for field in fields or ()]
     if match := re.fullmatch(r"\[([0-9]+)\]", column):
         if 0 <= (index := int(match[1]) - 1) < layout.n_fields:
             return index
         problem = f"there is no field {column}; the data have {layout.n_fields}, counted from 1"
-        raise InputError.at_line(path, layout.first_line, f"{named('columns')}: {problem}")
+        raise InputError.at_line(path, layout.first_line, f"{spell('columns')}: {problem}")
     if fields is None:
         problem = f"the file has no header; give the places of fields, [1] to [{layout.n_fields}]"
-        message = f"{named('columns')} names fields of the header, but {problem}"
+        message = f"{spell('columns')} names fields of the header, but {problem}"
         raise InputError.at_line(path, layout.first_line, message)
     if fields.count(column) == 1:
         return fields.index(column)
-    if names.count(normalised(column)[0]) != 1:
-        problem = f"{column!r} is missing or twice in the header {shown(layout.header, 400)}"
-        raise InputError.at_line(path, layout.header_line, f"{named('columns')}: {problem}")
-    return names.index(normalised(column)[0])
+    if names.count(normalise_header(column)[0]) != 1:
+        problem = f"{column!r} is missing or twice in the header {quote(layout.header, 400)}"
+        raise InputError.at_line(path, layout.header_line, f"{spell('columns')}: {problem}")
+    return names.index(normalise_header(column)[0])
 
 
 @dataclass(frozen=True, eq=False)

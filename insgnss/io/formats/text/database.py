@@ -10,7 +10,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from ....base.errors import InputError
-from ....base.inputs import opened
+from ....base.inputs import open_bytes
 
 FILE_HEAD = b"SQLite format 3\0"
 COLUMNS_QUERY = (
@@ -27,7 +27,7 @@ LONGEST_VALUE_BYTES = 100_000_000
 
 def is_database(file: Path) -> bool:
     """Tell whether a file begins as those of SQLite do."""
-    with opened(file) as stream:
+    with open_bytes(file) as stream:
         return stream.read(len(FILE_HEAD)) == FILE_HEAD
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ....base.advance import share
 from ....base.errors import InputError
-from ....base.inputs import opened
+from ....base.inputs import open_bytes
 from ....records import Array
 from .layout import TextLayout, decode, is_comment
 from .pieces import FileBytes
@@ -52,7 +52,7 @@ class DirectRows:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
-        with opened(self.path) as stream:
+        with open_bytes(self.path) as stream:
             stream.seek(self.layout.skip_to)
             remaining = row
             for line, raw in enumerate(stream, start=self.layout.first_line):

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ....base.errors import InputError, UsageError
-from ....base.wording import named, set_to
+from ....base.wording import set_to, spell
 from ....records import Finding
 from .order import note
 from .units import SENSOR_SCALES, factor_of, unit_factor, unit_name
@@ -47,7 +47,7 @@ LONGEST_COLUMN_NAME = 200  # characters: a longer field of a header is no name
 _SAME = 1e-6  # relative difference of two factors: rounding
 
 
-def normalised(name: str) -> tuple[str, str | None]:
+def normalise_header(name: str) -> tuple[str, str | None]:
     """Return a header name in lower case with underscores, and the unit in its brackets.
 
     A number in brackets is an index, part of the name.
@@ -79,7 +79,7 @@ def unit_in(field: str, kinds: Sequence[str]) -> str | None:
 
     It stands in brackets, or behind the name where it is of one of `kinds`.
     """
-    unit = normalised(field)[1]
+    unit = normalise_header(field)[1]
     return unit or next(
         (unit for _, unit in without_unit(re.sub(r"[(\[]\d+[)\]]\s*$", "", field), kinds)), None
     )
@@ -91,7 +91,7 @@ def without_unit(field: str, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
     The name is in lower case with underscores.
     """
     plain, humped = (
-        normalised(text)[0] for text in (field, re.sub(r"(?<=[a-z\d])(?=[A-Z])", "_", field))
+        normalise_header(text)[0] for text in (field, re.sub(r"(?<=[a-z\d])(?=[A-Z])", "_", field))
     )
     for kind in kinds:
         units = TIME_UNITS if kind == "time" else SENSOR_SCALES[kind]
@@ -129,14 +129,15 @@ def names_of(fields: Sequence[str], names: Mapping[str, str], kinds: Kinds) -> l
         Kinds of the units that may stand behind a canonical name.
     """
     fields = [field if len(field) <= LONGEST_COLUMN_NAME else "" for field in fields]
-    plain = [names.get(normalised(field)[0]) for field in fields]
+    plain = [names.get(normalise_header(field)[0]) for field in fields]
     return [
-        name or (None if (canonical := _named(field, names, kinds)) in plain else canonical)
+        name
+        or (None if (canonical := _canonical_field(field, names, kinds)) in plain else canonical)
         for field, name in zip(fields, plain, strict=True)
     ]
 
 
-def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
+def _canonical_field(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
     """Return the canonical name of a field with a unit behind its name."""
     every = tuple(dict.fromkeys(kind for of_name in kinds.values() for kind in of_name))
     stems = dict.fromkeys(stem for stem, _ in without_unit(field, every))
@@ -167,7 +168,7 @@ def agreed_unit(
         units = " and ".join(repr(unit) for unit in dict.fromkeys(stated))
         message = (
             f"the header gives the unit {units} for {names}, which is none of"
-            f" {', '.join(SENSOR_SCALES[kind])} for them all; set {named('units')}"
+            f" {', '.join(SENSOR_SCALES[kind])} for them all; set {spell('units')}"
         )
         raise InputError.at_line(path, line, message)
     return stated[0] if stated else None
@@ -229,7 +230,7 @@ def settled_units(
             raise UsageError(f"{path}: unit of {names}: {refusal}") from None
         if unit and (header_unit := _other_unit(fields[key], kind, unit)):
             finding = f"the header says {header_unit}, and {set_to(f'units {key}', unit)} was taken"
-            advice = f"leave {named(f'units {key}')} out if the header is right"
+            advice = f"leave {spell(f'units {key}')} out if the header is right"
             notes.append(note(f"{record} units", finding, "one unit", advice))
     return Settled(units, factors, tuple(notes))
 

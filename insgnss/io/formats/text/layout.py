@@ -119,7 +119,7 @@ def decode(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def shown(text: str | None, limit: int = 80) -> str:
+def quote(text: str | None, limit: int = 80) -> str:
     """Return text of a file as a message shows it, in quotation marks, cut where it is long."""
     text = text or ""
     return repr(text if len(text) <= limit else text[: limit - 3] + "...")
@@ -139,7 +139,7 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
     A delimiter within a field in double quotation marks separates nothing; the marks stay.
     """
     text = text.strip(" \r\n") if delimiter == "\t" else text.strip()
-    masked, quotes = _masked(text)
+    masked, quotes = _mask_quoted(text)
     if delimiter is None:
         fields = masked.split()
     else:
@@ -154,7 +154,7 @@ def row_fields(text: str, layout: TextLayout) -> list[str]:
     return [*fields, ""] if trailing and len(fields) == layout.n_fields - 1 else fields
 
 
-def _masked(text: str) -> tuple[str, list[str]]:
+def _mask_quoted(text: str) -> tuple[str, list[str]]:
     """Return a line with a mark in the place of each field in quotation marks, and these fields."""
     quotes: list[str] = []
     if '"' not in text:
@@ -167,7 +167,7 @@ def _masked(text: str) -> tuple[str, list[str]]:
     return _QUOTED.sub(mark, text), quotes
 
 
-def unquoted(field: str) -> str:
+def unquote(field: str) -> str:
     """Return a field without its quotation marks, those doubled within it single."""
     if len(field) > 1 and _QUOTED.fullmatch(field):
         return field[1:-1].replace('""', '"')
@@ -246,7 +246,7 @@ def _refuse_empty_beginning(
             text = decode(bytes(buf[start : start + LONGEST_HEADER]).partition(b"\n")[0])
             fields = split_fields(text, ";")
             if len(fields) == layout.n_fields and any(map(NUMBER.fullmatch, fields)):
-                problem = f"{shown(text)} begins with an empty field"
+                problem = f"{quote(text)} begins with an empty field"
                 raise InputError.at_line(
                     path, line + k + 1, f"{problem}; fill it in, or begin a comment with #"
                 )
@@ -256,7 +256,7 @@ def _refuse_empty_beginning(
 def _separates(lines: Sequence[str], delimiter: str | None) -> bool:
     if delimiter is None:
         return True
-    lines = [_masked(text)[0] for text in lines]
+    lines = [_mask_quoted(text)[0] for text in lines]
     if not all(delimiter in text for text in lines):
         return False
     if delimiter != ",":

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.units import LARGEST_UNIT
-from .layout import float_of, shown
+from .layout import float_of, quote
 from .order import Lines, refuse_rows
 from .text import Array
 
@@ -65,6 +65,6 @@ def vector_of(path: object, document: Mapping[str, Any], key: str, who: str = ""
     vector = array_of(document.get(key), (3,))
     if vector is None or not (np.abs(vector) < LARGEST_NUMBER_READ).all():
         problem = f"{who}{key} is not three numbers below {LARGEST_NUMBER_READ:g}"
-        text = shown(str(document.get(key)))
+        text = quote(str(document.get(key)))
         raise InputError.in_file(path, f"{problem}: {text}; export it again")
     return vector

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....base.inputs import opened
+from ....base.inputs import open_bytes
 
 
 def shrunk(path: str | os.PathLike[str], count: int, size: int) -> InputError:
@@ -43,7 +43,7 @@ class FileBytes:
 
     def __enter__(self) -> "FileBytes":
         try:
-            self._stream = opened(self.path)
+            self._stream = open_bytes(self.path)
         except OSError as error:
             raise self._unreadable(error) from None
         self.size = os.fstat(self._stream.fileno()).st_size

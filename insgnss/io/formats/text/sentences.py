@@ -85,7 +85,9 @@ def read_sentences(path: Source) -> Sentences:
     if (n := starts.size) == 0:
         raise InputError.in_file(path, "holds no sentence ($...); check that this file is the log")
     good = stars > 0
-    unchecked = _unchecked(buf, starts, stars) if good.mean() < 1.0 - BAD_SHARE_LIMIT else {}
+    unchecked = (
+        _rows_without_checksum(buf, starts, stars) if good.mean() < 1.0 - BAD_SHARE_LIMIT else {}
+    )
     for rows in unchecked.values():
         good[rows] = True
     n_bad = int(n - good.sum())
@@ -113,7 +115,7 @@ def _other_text(
     return between
 
 
-def _unchecked(
+def _rows_without_checksum(
     buf: NDArray[np.uint8], starts: NDArray[np.int64], stars: NDArray[np.int64]
 ) -> dict[str, list[int]]:
     """Rows of each kind of `LEFT_UNCHECKED` that has no right checksum; none where no other kind

@@ -89,7 +89,7 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
 
 
-def unrepeated(
+def without_repetitions(
     time: Array, same: Callable[[int, int], bool] = lambda i, k: False, name: str = "IMU rows"
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Return stamps (n,), s, without repetitions beside skipped stamps, and their note `name`.

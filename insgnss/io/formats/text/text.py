@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.files import lines_of
-from ....base.inputs import BOM, opened, readable
+from ....base.inputs import BOM, open_bytes, readable
 from ....base.wording import some
 from ....records import Array
 from .dates import is_date, joined_dates, seconds_of_dates, take_calendar
@@ -29,11 +29,11 @@ from .layout import (
     is_binary,
     is_comment,
     kinds_of_lines,
+    quote,
     refuse_long,
     row_fields,
-    shown,
     sniff,
-    unquoted,
+    unquote,
 )
 from .order import SHARE_LIMIT, AtLines
 from .pieces import FileBytes, shrunk
@@ -129,7 +129,7 @@ class TextTable(AtLines):
 
     def strings(self, column: int) -> tuple[str, ...]:
         """Return a column as text, without quotation marks."""
-        return tuple(unquoted(row[column]) for row in self.rows)
+        return tuple(unquote(row[column]) for row in self.rows)
 
     def floats(self, column: int) -> Array:
         """Return a column as numbers (n,); InputError with the line for what is none."""
@@ -143,7 +143,7 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
     """Return the finite float of `field`; InputError names file, line and the field."""
     if (x := float_of(field.strip(), decimal)) is not None:
         return x
-    problem = f"{shown(field)} where a finite number must stand"
+    problem = f"{quote(field)} where a finite number must stand"
     raise InputError.at_line(path, line, f"{problem}; correct the line or choose another column")
 
 
@@ -173,7 +173,7 @@ def data_lines(path: Source, text: str, first: int = 1) -> Iterator[tuple[FileLi
             yield FileLine(path, line), row
 
 
-def decoded(path: Source) -> str:
+def decode_text(path: Source) -> str:
     """Return the text of a file that is no table; InputError where it cannot be read."""
     return decode(load_bytes(path).tobytes())
 
@@ -187,7 +187,7 @@ def numbered_lines(text: str) -> list[tuple[int, str]]:
 def check_fields(path: Source, line: int, fields: Sequence[str], count: int, text: str) -> None:
     """Refuse a line that has another number of fields."""
     if len(fields) != count:
-        problem = f"{len(fields)} fields, expected {count}: {shown(text)}"
+        problem = f"{len(fields)} fields, expected {count}: {quote(text)}"
         raise InputError.at_line(path, line, problem)
 
 
@@ -225,7 +225,7 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
     path = Path(path)
     if not path.exists():
         raise InputError.in_file(path, "no such file; check the path")
-    with readable(path), opened(path) as stream:
+    with readable(path), open_bytes(path) as stream:
         size = os.fstat(stream.fileno()).st_size
         buf = np.empty(size + room, dtype=np.uint8)
         count = stream.readinto(buf.data[:size])
@@ -399,7 +399,7 @@ def _refusal(
     behind = after.partition(b"\n")[0]
     text = decode(before + behind).strip("\r\n")
     fields = row_fields(text, layout)
-    quoted, advice = shown(text), "correct or delete the line"
+    quoted, advice = quote(text), "correct or delete the line"
     if is_binary(text):
         quoted, advice = ascii(text[:10]) + "...", BINARY
     last = offset + len(behind) + 1 >= buf.size and not complete
@@ -415,7 +415,7 @@ def _refusal(
         return at_the_line.error(f"{problem}{_like_it(buf, layout, advice)}")
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
-    field = shown(fields[column]) if column < len(fields) and fields[column] else "nothing"
+    field = quote(fields[column]) if column < len(fields) and fields[column] else "nothing"
     problem = f"{field} in field {column + 1} where a finite number must stand"
     return at_the_line.error(f"{problem}: {quoted}; {advice}")
 
@@ -436,7 +436,7 @@ def _refuse_short_end(path: Source, tail: str, layout: TextLayout, line: int) ->
         and len(last.partition(layout.decimal)[2]) < decimals.pop()
     ):
         message = (
-            f"truncated: the file ends within a number, {shown(last)} after {shown(earlier[-1])};"
+            f"truncated: the file ends within a number, {quote(last)} after {quote(earlier[-1])};"
             " copy it again or delete the line"
         )
         raise InputError.at_line(path, line, message)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 from ....base.errors import UsageError
 from ....base.units import DEG, STANDARD_GRAVITY
-from .layout import shown
+from .layout import quote
 
 SENSOR_SCALES: dict[str, dict[str, float]] = {
     "gyro": {"rad/s": 1.0, "deg/s": DEG, "mdeg/s": 1e-3 * DEG, "deg/h": DEG / 3600.0},
@@ -103,12 +103,12 @@ def unit_factor(text: str, kind: str) -> float:
     )
     if factor is None:
         raise UsageError(
-            f"{shown(text)} is none of {', '.join(SENSOR_SCALES[kind])}, with or without a "
+            f"{quote(text)} is none of {', '.join(SENSOR_SCALES[kind])}, with or without a "
             "number before it"
             " (the value of one count, such as 0.05 deg/s)"
         )
     if not 0.0 < number * factor < math.inf:
-        raise UsageError(f"{shown(text)}: the number before a unit must be positive")
+        raise UsageError(f"{quote(text)}: the number before a unit must be positive")
     return number * factor
 
 

@@ -10,7 +10,7 @@ from ....records import Array
 from ..names import IN_IMAGE, PLACES, TIME
 from ..orientation.exported import quoted_names
 from ..text.columns import METRES, Columns, TableOut, TableSpec
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.text import Source
 
 SIGMAS, CORRELATIONS = "sigma_x sigma_y sigma_z", ("corr_xy", "corr_xz", "corr_yz")
@@ -90,7 +90,7 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
     images, time, week = None, None, None
     if "image" in table:
         names, rows = table.rows_of("image", "image")
-        table.refuse_repeats(lambda row: f"image {shown(names[rows[row]])} is there twice", rows)
+        table.refuse_repeats(lambda row: f"image {quote(names[rows[row]])} is there twice", rows)
         images = names
     if "tow" in table:
         time, week = table.gps_time()

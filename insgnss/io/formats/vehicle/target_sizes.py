@@ -9,7 +9,7 @@ from ..blocks.image_points import PIXEL_UNITS
 from ..names import IN_IMAGE
 from ..orientation.exported import quoted_names
 from ..text.columns import Columns, TableOut, TableSpec
-from ..text.layout import shown
+from ..text.layout import quote
 from ..text.order import refuse_rows
 from ..text.text import Source
 
@@ -70,7 +70,7 @@ def read_target_sizes(path: Source, columns: Columns = None) -> TargetSizes:
     table = SPEC.read(path, columns)
     images, image = table.rows_of("image", "image")
     points, point = table.rows_of("point", "point")
-    table.refuse_repeats(lambda row: f"image {shown(images[image[row]])} has two sizes", image)
+    table.refuse_repeats(lambda row: f"image {quote(images[image[row]])} has two sizes", image)
     size, sigma = table.floats("size_px"), table.positive("sigma_px", "px")[:, 0]
     refuse_rows(table, size <= 0.0, "size_px {:g} px; a size must be greater than zero", size)
     return TargetSizes(

@@ -207,21 +207,22 @@ def calibrate(
         doubtful[apart] = separation.ned[apart]
     kind = classes_without(apart)
     off, outlier = outliers(
-        fixes, kind == FIXED, scaled(fixes.cov_ned, kind, distance_m, model), model
+        fixes, kind == FIXED, scale_covariances(fixes.cov_ned, kind, distance_m, model), model
     )
     if outlier.any():
         doubtful[outlier] = off[outlier]
         kind = classes_without(apart | outlier)
-    supported = confirmed(fixes.time, kind == FIXED, separation, apart, model)
+    supported = confirmed_fixes(fixes.time, kind == FIXED, separation, apart, model)
     if (island := (kind == FIXED) & ~supported).any():
         kind = classes_without(apart | outlier | island)
     rejected = fixed & (kind != FIXED)
     if separation is not None:
         separated = rejected & ~outlier & np.isfinite(separation.ned).all(axis=1)
         doubtful[separated] = separation.ned[separated]
-    kind = degraded(fixes.time, kind, model)
+    kind = mark_degraded(fixes.time, kind, model)
     cov = (
-        scaled(fixes.cov_ned, kind, distance_m, model) + doubtful[:, :, None] * doubtful[:, None, :]
+        scale_covariances(fixes.cov_ned, kind, distance_m, model)
+        + doubtful[:, :, None] * doubtful[:, None, :]
     )
     trusted = None if fixes.quality is None else np.where(rejected, FLOAT_QUALITY, quality)
     note = _note(fixed, rejected, apart, outlier, island, kind, model)
@@ -313,7 +314,7 @@ def classes(
     return kind
 
 
-def confirmed(
+def confirmed_fixes(
     time: Array,
     validated: NDArray[np.bool_],
     separation: Separation | None,
@@ -353,7 +354,7 @@ def confirmed(
     return out
 
 
-def degraded(time: Array, kind: Index, model: CalibrationNumbers = MEASURED) -> Index:
+def mark_degraded(time: Array, kind: Index, model: CalibrationNumbers = MEASURED) -> Index:
     """Return the classes (n,) with the degraded ones among the fixed marked (V.5).
 
     Parameters
@@ -376,7 +377,7 @@ def degraded(time: Array, kind: Index, model: CalibrationNumbers = MEASURED) -> 
     return out
 
 
-def scaled(
+def scale_covariances(
     cov_ned: Array, kind: Index, distance_m: ArrayLike, model: CalibrationNumbers = MEASURED
 ) -> Array:
     """Return covariances (n, 3, 3) m^2 of (V.1) from those of the engine and the classes (n,).
@@ -413,11 +414,11 @@ def forward_backward(time: Array, forward: GnssFixes, backward: GnssFixes) -> Se
     ned[both] = np.einsum("nji,nj->ni", rotation_en(forward.lat[f], forward.lon[f]), apart)
     cov[both] = forward.cov_ned[f] + backward.cov_ned[b]
     fixed = np.zeros(time.size, dtype=np.bool_)
-    fixed[both] = _fixed(forward, f) & _fixed(backward, b)
+    fixed[both] = _are_fixed(forward, f) & _are_fixed(backward, b)
     return Separation(ned, cov, fixed)
 
 
-def _fixed(fixes: GnssFixes, rows: Index) -> NDArray[np.bool_]:
+def _are_fixed(fixes: GnssFixes, rows: Index) -> NDArray[np.bool_]:
     if fixes.quality is None:
         return np.zeros(rows.size, dtype=np.bool_)
     return np.asarray(fixes.quality[rows] == 1)

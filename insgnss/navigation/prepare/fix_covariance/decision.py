@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.findings.remedies import joined
+from ....base.findings.remedies import join_remedies
 from ....geodesy.earth import curvature_radii
 from ....records import Array, GnssFixes, Question
 from ....records.variances import decimal_step
@@ -144,20 +144,20 @@ def decide(fixes: GnssFixes, rules: CovarianceRules) -> tuple[GnssFixes, str]:
     InputError
         Where positions must be calibrated, and their source lacks quality, satellites or base.
     """
-    acted = [_stated(fixes, rules)]
+    acted = [_source_sentence(fixes, rules)]
     if rules.numbers is not None and rules.ppk is None:
         fixes, counts = with_calibration(fixes, rules.numbers, rules.required)
         acted += [f"calibrated by class ({_classes(counts, rules.numbers)})"] if counts else []
     if len(acted) > 1 or rules.ppk is not None:
         fixes = replace(fixes, source_format=CALIBRATED_ORIGIN)
     floored = with_floors(fixes, rules.floors)
-    raised = _enlarged(fixes, floored)
+    raised = _count_enlarged(fixes, floored)
     kept = without_worthless(floored)
     rounded = with_rounding(kept)
     acted += [
         f"{raised} of {len(fixes)} raised to gnss.quality_sigma_m",
         f"{len(floored) - len(kept)} left out",
-        f"{_enlarged(kept, rounded)} enlarged by the rounding of their positions",
+        f"{_count_enlarged(kept, rounded)} enlarged by the rounding of their positions",
     ]
     return rounded, f"covariances of the GNSS positions: {'; '.join(acted)}"
 
@@ -202,12 +202,14 @@ def with_calibration(
     distance = base_distance(fixes, fixes.base_ecef)
     calibrated, kind = calibrate(fixes, satellites, distance, None, numbers)
     *before, last = calibrated.notes
-    last = replace(last, remedy=joined((last.remedy, KEEP_SIGMAS), "; ") if last.remedy else "")
+    last = replace(
+        last, remedy=join_remedies((last.remedy, KEEP_SIGMAS), "; ") if last.remedy else ""
+    )
     counts = {name: int((kind == k).sum()) for k, name in enumerate(FIX_CLASSES)}
     return replace(calibrated, notes=(*before, last)), counts
 
 
-def _stated(fixes: GnssFixes, rules: CovarianceRules) -> str:
+def _source_sentence(fixes: GnssFixes, rules: CovarianceRules) -> str:
     """Say where the covariances come from."""
     if rules.ppk is not None:
         return (
@@ -235,6 +237,6 @@ def _triple(values: Triple) -> str:
     return " / ".join(f"{x:g}" for x in (values if len(set(values)) > 1 else values[:1]))
 
 
-def _enlarged(before: GnssFixes, after: GnssFixes) -> int:
+def _count_enlarged(before: GnssFixes, after: GnssFixes) -> int:
     """Count the fixes whose covariance changed."""
     return int((before.cov_ned != after.cov_ned).any(axis=(1, 2)).sum())

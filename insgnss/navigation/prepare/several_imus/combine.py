@@ -107,7 +107,7 @@ def combine(
         For lists of different lengths, mixed quantities, a first lever arm that is not zero and
         recordings without overlap.
     """
-    names = _checked(imus, C_b_imu, lever_b, sigma)
+    names = _check_imus(imus, C_b_imu, lever_b, sigma)
     base = imus[0]
     tracks = [
         _Track.of(imu, _body_rates(imu, np.asarray(C, dtype=np.float64)))
@@ -139,7 +139,7 @@ def combine(
     checks.append(parity_check(stack, present, base.time, sigmas, imus, names))
     weight = 1.0 / np.square(sigmas)
     gyro, accel = (
-        _weighted(stack[:, :, axes], present, weight[:, k])
+        _weighted_mean(stack[:, :, axes], present, weight[:, k])
         for k, axes in enumerate((slice(0, 3), slice(3, 6)))
     )
     quantity: Quantity = "instant_rate" if base.quantity == "instant_rate" else "mean_rate"
@@ -156,7 +156,7 @@ def combine(
     return CombinedImu(samples, weight / weight.sum(axis=0), tuple(checks))
 
 
-def _checked(
+def _check_imus(
     imus: Sequence[ImuSamples],
     C: Sequence[ArrayLike],
     lever: Sequence[ArrayLike],
@@ -353,7 +353,7 @@ def _slope(rate: Array, time: Array) -> Array:
     return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
 
 
-def _weighted(stack: Array, present: NDArray[np.bool_], weight: Array) -> Array:
+def _weighted_mean(stack: Array, present: NDArray[np.bool_], weight: Array) -> Array:
     """(n, 3) weighted mean of (m, n, 3) over those that are there; the first where none is."""
     w = weight[:, None] * present
     total = w.sum(axis=0)

@@ -28,7 +28,7 @@ from ....flight.config.flight_file import Flight
 from ....flight.processing.checks import refusal
 from ....flight.processing.progress import quiet
 from ....flight.processing.recording import Recording, read_recording
-from .files import model_in_flight, planned, write
+from .files import model_in_flight, plan_model_file, write
 from .result import FlightTuning
 from .words import TUNED, Beyond, beyond_spectrum, chance_of, longer_flight
 
@@ -84,7 +84,7 @@ def tune_flight(
         Where the flight determines nothing.
     """
     chosen = chosen_parameters(parameters)
-    target = planned(flight, out, force)
+    target = plan_model_file(flight, out, force)
     if flight.imu.further:
         raise InputError(
             f"{flight.path}: imu.further: the noise of several combined IMUs cannot be"

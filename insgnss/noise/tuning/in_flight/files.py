@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ....base.inputs import sha256
-from ....base.units import rounded
+from ....base.units import round_in_unit
 from ....flight.config.flight_file import Flight
 from ....flight.processing.input_files import input_files, measurements
 from ....flight.processing.recording import Recording
@@ -27,8 +27,8 @@ from .result import FlightTuning
 IN_FLIGHT_MODEL = "in_flight_noise.toml"
 
 
-def planned(flight: Flight, out: Path | None, force: bool) -> Path:
-    """Return the path of the noise model; UsageError as `targets.planned` raises it."""
+def plan_model_file(flight: Flight, out: Path | None, force: bool) -> Path:
+    """Return the path of the noise model; UsageError as `targets.plan_model_file` raises it."""
     target = flight.path.parent / IN_FLIGHT_MODEL if out is None else Path(out)
     inputs = (flight.path, *input_files(flight))
     return targets.planned(target, force, measurements(flight), inputs)
@@ -76,8 +76,8 @@ def model_in_flight(flight: Flight, recording: Recording, noise: InFlightNoise) 
     rate = round(1.0 / nominal_interval(recording.imu.time), 3)
     name, digest = _identity(flight.imu.file)
     imu = RecordingSource(name, digest, recording.imu.time.size, rate)
-    gx, gy, gz = (_scaled(axis, "gyro", noise) for axis in static.gyro)
-    ax, ay, az = (_scaled(axis, "accel", noise) for axis in static.accel)
+    gx, gy, gz = (_scale_axis(axis, "gyro", noise) for axis in static.gyro)
+    ax, ay, az = (_scale_axis(axis, "accel", noise) for axis in static.accel)
     return NoiseModel(
         f"{static.name} in flight",
         source,
@@ -98,7 +98,7 @@ def _identity(samples: Path | ImuSamples) -> tuple[str, str]:
     return samples.source or "given as object", digest.hexdigest()
 
 
-def _scaled(axis: AxisNoise, sensor: str, noise: InFlightNoise) -> AxisNoise:
+def _scale_axis(axis: AxisNoise, sensor: str, noise: InFlightNoise) -> AxisNoise:
     """Return one axis with its triad's factors.
 
     Standard errors of what was estimated replace those of the static model.
@@ -108,8 +108,8 @@ def _scaled(axis: AxisNoise, sensor: str, noise: InFlightNoise) -> AxisNoise:
     def times(value: float, name: str, quantity: str, number: str = "") -> float:
         unit = NOISE_UNITS[sensor][quantity]
         if value and noise.sigma(name) > 0.0:
-            error[quantity + number] = rounded(value * noise.sigma(name), unit, 2)
-        return rounded(value * factors[name], unit, 6) if factors[name] != 1.0 else value
+            error[quantity + number] = round_in_unit(value * noise.sigma(name), unit, 2)
+        return round_in_unit(value * factors[name], unit, 6) if factors[name] != 1.0 else value
 
     for name in factors.keys() & {f"{sensor}.white_noise", "white_noise"}:
         axis = replace(axis, white_noise=times(axis.white_noise, name, "white_noise"))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....base.files import json_ready, picked
+from ....base.files import json_ready, pick_attributes
 from ....navigation.innovations.innovation_noise import InFlightNoise, WhitenedInnovations
 from ....navigation.noise_model.model import NoiseModel
 from ....report.charts.chart import Chart
@@ -140,7 +140,7 @@ class FlightTuning(Documented):
             }
             for name, f, e in zip(n.names, n.factor, n.log_sigma, strict=True)
         }
-        four = picked(n, "before", "after", "at_best", "static_at_best")
+        four = pick_attributes(n, "before", "after", "at_best", "static_at_best")
         document = {
             "name": self.name,
             "verdict": "accept" if self.accepted else "keep",
@@ -171,4 +171,4 @@ def _spectrum(straight: StraightFlight) -> dict[str, Any]:
     """Return all of the spectrum but the curves."""
     keys: tuple[str, ...] = ("rate_hz", "duration_s", "windows", "mean_with_lines")
     keys += ("mean_without_lines", "upper_limit", "level", "level_from_hz")
-    return picked(straight, *keys) | {"lines": [asdict(line) for line in straight.lines]}
+    return pick_attributes(straight, *keys) | {"lines": [asdict(line) for line in straight.lines]}

@@ -37,7 +37,7 @@ SYMBOL = {
 }
 
 
-def printed(sensor: str, kind: str, value: float) -> float:
+def print_parameter(sensor: str, kind: str, value: float) -> float:
     """`value`, SI, in the printed unit of a kind of parameter."""
     unit, power = PRINTED_UNITS[sensor][kind]
     return value / parse_unit(unit).scale / 10.0**power
@@ -61,7 +61,7 @@ def symbol(term: NoiseTerm) -> str:
 
 def value_text(sensor: str, e: NoiseEstimate) -> str:
     """An estimate with its standard error in the printed unit."""
-    value, error = (printed(sensor, e.term.kind, x) for x in (e.value, e.standard_error))
+    value, error = (print_parameter(sensor, e.term.kind, x) for x in (e.value, e.standard_error))
     if e.at_bound and (e.value == 0.0 or e.term.kind == CORRELATION_TIME):
         return "0" if e.value == 0.0 else "at the limit"
     return plus_minus(value, error)
@@ -81,7 +81,7 @@ def plus_minus(value: float, error: float) -> str:
 
 def interval(sensor: str, e: NoiseEstimate) -> str:
     """The 95 % interval of an estimate in the printed unit."""
-    low, high = (printed(sensor, e.term.kind, x) for x in (e.low, e.high))
+    low, high = (print_parameter(sensor, e.term.kind, x) for x in (e.low, e.high))
     if math.isfinite(high):
         return f"{low:.4g} to {high:.4g}"
     return f"from {low:.4g}, not bounded" if low > 0.0 else "not bounded"

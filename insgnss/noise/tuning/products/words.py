@@ -46,7 +46,7 @@ def sensor_words(
 
 def sentences(t: Tuned, recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """Everything on one model, the most important first."""
-    yield from ranked(t)
+    yield from ranking_line(t)
     yield from verdict(t, recordings)
     sigmas = [
         f"{process.sigma / parse_unit(AXIS_UNITS[t.sensor]).scale:.4g}"
@@ -146,7 +146,7 @@ def curve_name(t: Tuned, recordings: Sequence[StaticRecording], i: int) -> str:
     return recordings[r].name + (f" {SENSOR_AXES[t.axes[k]]}" if len(t.axes) > 1 else "")
 
 
-def ranked(t: Tuned) -> Iterator[str]:
+def ranking_line(t: Tuned) -> Iterator[str]:
     """The models that competed, in a line; those that are another one with a process of no strength
     are left out.
     """

@@ -69,7 +69,7 @@ class Values(NamedTuple):
 
 
 @njit(cache=True)
-def brown(x, y, c, out):
+def distort_brown(x, y, c, out):
     """Distort a point by (J.3).
 
     Parameters
@@ -114,8 +114,8 @@ def image_residual(X0, C, X, c, model, unit, fold2, uv, work, e):
     uv : ndarray, (2,)
         Measured pixel.
     work : ndarray, (10,)
-        x, y, 1 / q_3, the point that is distorted (2) and what `brown` gives for it (5), written
-        here.
+        x, y, 1 / q_3, the point that is distorted (2) and what `distort_brown` gives for it (5),
+        written here.
     e : ndarray, (2,)
         The residual, written here.
 
@@ -143,7 +143,7 @@ def image_residual(X0, C, X, c, model, unit, fold2, uv, work, e):
     if not a * a + b * b < fold2:
         return False
     work[3], work[4] = a, b
-    brown(a, b, c, work[5:])
+    distort_brown(a, b, c, work[5:])
     if model == BACKWARD:
         e[0] = unit * work[5] - c[0] * x
         e[1] = unit * work[6] - c[0] * y

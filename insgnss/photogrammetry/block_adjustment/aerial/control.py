@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError, near
 from ....base.received.nesting import read_object
 from ....flight.config.block_tables.aerial_control import AerialControlTable
-from ....io.formats.blocks.joined import matched
+from ....io.formats.blocks.joined import match_names
 from ....io.formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
 from ....records import ExteriorOrientation
 from ....records.block import Array
@@ -188,7 +188,7 @@ def motion_is_known(eo: ExteriorOrientation, options: AerialControlTable) -> boo
 def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array, Array]:
     """Return velocities and rates of the images, zero where they are not known and not needed."""
     if options.positions_alone and motion_is_known(eo, options):
-        return differenced(eo), np.zeros((len(eo), 3))
+        return velocities_by_differences(eo), np.zeros((len(eo), 3))
     if options.time_offset_sigma_s > 0.0 and not motion_is_known(eo, options):
         raise InputError.in_file(
             options.file,
@@ -222,7 +222,7 @@ def motion_of_images(inputs: BlockInputs) -> tuple[Array, Array]:
     return inputs.of_images(velocity), inputs.of_images(rate)
 
 
-def differenced(eo: ExteriorOrientation) -> Array:
+def velocities_by_differences(eo: ExteriorOrientation) -> Array:
     """Return velocities (n, 3), m/s, of positions by the differences to their neighbours in time.
 
     The nearer of both neighbours counts by the fourth power of the intervals, so that at the end of
@@ -243,7 +243,7 @@ def differenced(eo: ExteriorOrientation) -> Array:
 def _other_lines(eo: ExteriorOrientation, options: AerialControlTable) -> dict[int, str]:
     """Return the control that aerial_control.lines asks for, by the row of the named image."""
     names = tuple(options.of_lines)
-    rows = matched(names, eo.images)
+    rows = match_names(names, eo.images)
     for name, row in zip(names, rows, strict=True):
         if row < 0:
             raise InputError(

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....base.findings import Finding, ranked
 from ....flight.config.block_tables.aerial_control import AerialControlTable
-from ....geodesy.conventions import exchanged, orders, reversed_signs
+from ....geodesy.conventions import exchanged_orders, orders, reversed_signs
 from ....geodesy.explain import Candidate, explain
 from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import NED_ENU, nearest_rotation
 from ....geodesy.similarity import Similarity, similarity
-from ....io.formats.blocks.joined import matched
+from ....io.formats.blocks.joined import match_names
 from ....io.formats.blocks.measured_block import MeasuredBlock
 from ....records.block import Array
 from ...comparison.poses import Poses
@@ -73,7 +73,7 @@ class FirstPoses:
 
     def of(self, images: Sequence[str]) -> tuple[Array, Array]:
         """Return positions (n, 3) and attitudes (n, 3, 3) of images, NaN of others."""
-        row = matched(images, self.images)
+        row = match_names(images, self.images)
         posed = (row >= 0) & np.isfinite(self.position_m[row]).all(axis=1)
         posed &= np.isfinite(self.C_mc[row]).all(axis=(1, 2))
         return (
@@ -163,7 +163,7 @@ def first_attitudes(
     posed = np.isfinite(X[:, 0])
     if (poses := first.on_earth) is not None:
         assert poses.C_Ex is not None  # `first_poses` has asked for them
-        row = matched(images, poses.images)
+        row = match_names(images, poses.images)
         attitude = (plane.C_mn(poses.lat, poses.lon) @ NED_ENU @ poses.C_Ex)[row]
         out = np.where((row >= 0)[:, None, None], attitude, np.nan)
         if posed.sum() >= FEWEST_PLACED:
@@ -211,7 +211,7 @@ def _refuse_mirrored(path: Path, measured: Array, X: Array, C: Array) -> None:
     if misfit(measured) <= MISSHAPEN:
         return
     names = ("latitude", "longitude")
-    changes = (*exchanged(names), *reversed_signs((*names, ""), most=1))
+    changes = (*exchanged_orders(names), *reversed_signs((*names, ""), most=1))
     candidates = [Candidate(one.words, one.change) for one in changes]
     if (explanation := explain(measured, candidates, misfit, MISSHAPEN)) is not None:
         raise InputError.in_file(
@@ -331,7 +331,7 @@ def lie_elsewhere(
         " and base"
     )
     if (poses := first.on_earth) is not None:
-        row = matched(images, poses.images)
+        row = match_names(images, poses.images)
         X = plane.position_from_geodetic(poses.lat, poses.lon, poses.height)[row[row >= 0]]
         middle = np.median(measured[row >= 0] - X, axis=0) if X.size else np.zeros(3)
         sigma = poses.cov_position

@@ -19,13 +19,13 @@ from ....flight.config.block_tables.aerial_control import AerialControlTable
 from ....geodesy.rotation import NED_ENU
 from ....io.exposures.images import natural
 from ....io.exposures.numbering import image_numbers
-from ....io.formats.blocks.joined import matched
+from ....io.formats.blocks.joined import match_names
 from ....io.formats.blocks.measured_block import MeasuredBlock
 from ....io.formats.orientation.poses import LARGEST_GEOID_M
 from ....records import ExteriorOrientation
 from ....records.block import Array
 from ...comparison.compare import compare_poses, largest_difference
-from ...comparison.hints import Hints, turned
+from ...comparison.hints import Hints, rotate_covariance
 from ...comparison.poses import Poses
 from ...comparison.position import HEIGHTS_OTHERWISE, SHIFT_M
 from ...comparison.reading import read_poses
@@ -91,7 +91,7 @@ def orientation_of(
     cov = np.zeros((len(images), 6, 6))
     cov[:, :3, :3] = _position_cov(poses, C_mE, table)
     if poses.C_Ex is not None and poses.cov_attitude is not None:
-        cov[:, 3:, 3:] = turned(C_mE, poses.cov_attitude)
+        cov[:, 3:, 3:] = rotate_covariance(C_mE, poses.cov_attitude)
         C = C_mE @ poses.C_Ex
     else:
         cov[:, 3:, 3:] = np.radians(FIRST_VALUE_DEG) ** 2 * np.eye(3)
@@ -137,11 +137,11 @@ def _refuse_distant(poses: Poses, images: Sequence[str], first: FirstPoses) -> N
     """Refuse positions of another place than the first poses, with what explains the distance."""
     if first.on_earth is None:
         return
-    row = matched(images, first.on_earth.images)
+    row = match_names(images, first.on_earth.images)
     names = tuple(images[k] for k in np.flatnonzero(row >= 0).tolist())
     a = replace(first.on_earth.taken(row[row >= 0]), images=names)
     b = replace(poses.taken(np.flatnonzero(row >= 0)), images=names)
-    if problem := _permuted(names, a.ecef, b.ecef):
+    if problem := _permutation_sentence(names, a.ecef, b.ecef):
         raise InputError.in_file(poses.source, problem)
     away = float(np.median(np.linalg.norm(b.ecef - a.ecef, axis=1))) if names else 0.0
     if away > SHIFT_M:
@@ -152,7 +152,7 @@ def _refuse_distant(poses: Poses, images: Sequence[str], first: FirstPoses) -> N
             raise InputError(f"{a.source} (a), {b.source} (b): {wrong[0]}")
 
 
-def _permuted(names: Sequence[str], a: Array, b: Array) -> str:
+def _permutation_sentence(names: Sequence[str], a: Array, b: Array) -> str:
     """Say that most positions b (n, 3), m, are where a has other images.
 
     Empty where most have their place, where all lie shifted, or are some rows off or in the reverse
@@ -189,7 +189,7 @@ def _position_cov(poses: Poses, C_mE: Array, table: AerialControlTable) -> Array
     """Return the covariances of the positions (n, 3, 3), as stated or as the file has them."""
     if table.sigma_m is not None:
         return np.tile(np.diag(np.square(table.sigma_m)), (poses.n, 1, 1))
-    cov = turned(C_mE, poses.cov_position)
+    cov = rotate_covariance(C_mE, poses.cov_position)
     if cov is None:
         raise InputError.in_file(
             poses.source,
@@ -217,7 +217,7 @@ def _of_images(
     """
     images = tuple(sorted(source.measured.images, key=natural))
     names = poses.images or tuple(str(k + 1) for k in range(poses.n))
-    row = matched(images, names)
+    row = match_names(images, names)
     if not (row >= 0).any() and all(name.isdecimal() for name in names):
         counter = image_numbers(images)
         row_of = {int(name): k for k, name in enumerate(names)}

@@ -28,7 +28,7 @@ from ...adjust.relative import (
     RelativeAerialControl,
     as_printed,
     operator,
-    smoothed,
+    relative_covariance,
 )
 
 Rows = NDArray[np.int64]
@@ -192,7 +192,7 @@ def relative_groups(
     if sum(observed.sizes(rows.size)):
         if options.relative_weights == "smoothed":
             L = operator(C, observed)
-            cov = smoothed(L, strip.cov)
+            cov = relative_covariance(L, strip.cov)
             if strip.factor is not None:
                 factor = np.asarray(L @ strip.factor.reshape(6 * rows.size, -1))
         else:

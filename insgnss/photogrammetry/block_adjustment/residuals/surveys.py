@@ -20,7 +20,7 @@ from ....base.errors import DataError
 from ....base.quantiles import chi_square_quantile
 from ....base.wording import some
 from ....records.block import Array, GroundPoints
-from ..solve import AdjustedBlock, solved
+from ..solve import AdjustedBlock, solve_block
 from ..trials import OTHER_DATUM, Trial, explains, moved_sigmas
 from .check_points import check_points
 
@@ -63,7 +63,7 @@ def two_surveys(whole: AdjustedBlock) -> Trial | None:
         return None
     free = replace(block, control=GroundPoints(every.point[:0], *_none()), check=every)
     try:
-        alone = solved(replace(inputs, block=free), lambda _: None)
+        alone = solve_block(replace(inputs, block=free), lambda _: None)
         checks = check_points(alone)
         split = best_split(checks.difference_m, checks.cov_of_differences)
     except (DataError, np.linalg.LinAlgError):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, near
 from ....io.formats.blocks.image_points import ImagePoints
-from ....io.formats.text.layout import shown
+from ....io.formats.text.layout import quote
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class TargetViews:
     divided: tuple[str, ...]
 
 
-def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> TargetViews:
+def observed_target(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> TargetViews:
     """Find the vehicle's target in the image observations, and divide it by images.
 
     Parameters
@@ -65,13 +65,13 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
     rows = np.flatnonzero(mine[observations.point])
     if not rows.size:
         raise InputError(
-            f"vehicle.target: no point of the image observations begins with {shown(target)};"
+            f"vehicle.target: no point of the image observations begins with {quote(target)};"
             f" {near(target, names[:200])}; the target of image IMG is called {target}IMG"
         )
     fixed = set(ground)
     if fixed_points := [names[p] for p in np.unique(observations.point[rows]) if names[p] in fixed]:
         raise InputError(
-            f"vehicle.target: point {shown(fixed_points[0])} begins with {shown(target)} and is a"
+            f"vehicle.target: point {quote(fixed_points[0])} begins with {quote(target)} and is a"
             " ground point, which does not move; rename it, or give another vehicle.target"
         )
     count = np.bincount(observations.image[rows], minlength=len(measured.images))
@@ -81,14 +81,14 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
             names[observations.point[r]] for r in rows[observations.image[rows] == twice][:2]
         ]
         raise InputError(
-            f"vehicle.target: image {shown(measured.images[twice])} sees {count[twice]} points that"
-            f" begin with {shown(target)} ({shown(two_points[0])}, {shown(two_points[1])}): a"
+            f"vehicle.target: image {quote(measured.images[twice])} sees {count[twice]} points that"
+            f" begin with {quote(target)} ({quote(two_points[0])}, {quote(two_points[1])}): a"
             " vehicle has one target; give a prefix that no other point has"
         )
-    return _divided(measured, rows, target)
+    return _divide_by_image(measured, rows, target)
 
 
-def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> TargetViews:
+def _divide_by_image(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> TargetViews:
     """Give every image a point of its own."""
     obs, points = measured.observations, list(measured.points)
     taken = set(points)

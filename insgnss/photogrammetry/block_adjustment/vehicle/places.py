@@ -12,12 +12,12 @@ from ....geodesy.conventions import time_scale
 from ....geodesy.frames import TangentPlane
 from ....geodesy.gpstime import WEEK_S
 from ....io.formats.blocks.image_points import ImagePoints
-from ....io.formats.blocks.joined import matched
+from ....io.formats.blocks.joined import match_names
 from ....io.formats.vehicle.target_sizes import read_target_sizes
 from ....records import ExteriorOrientation
 from ....records.block import Array, ImageBlock
 from ....records.rows import covariance_of_rows, rows_of
-from .observed import observed, without
+from .observed import observed_target, without
 from .track import Track, read_track, rows_by_name, week_shift
 
 TWO_CLOCKS = "two clocks that do not agree"  # of stamps of no other time scale
@@ -129,7 +129,7 @@ def vehicle_of(
     InputError
         A file cannot be read, or files do not belong together.
     """
-    views = observed(measured, options.target, ground)
+    views = observed_target(measured, options.target, ground)
     if views.divided:
         notes.append(
             f"point {views.divided[0]!r}"
@@ -176,7 +176,7 @@ def placed_vehicle(
     track = read_track(options, plane, eo)
     time = np.full(len(images), np.nan)
     if eo is not None:
-        rows = matched(images, eo.images)
+        rows = match_names(images, eo.images)
         time[rows >= 0] = eo.time[rows[rows >= 0]]
         if track.time is not None:
             shift = week_shift(eo.gps_week, track.week)
@@ -350,7 +350,7 @@ def _sizes(options: VehicleTable, images: Sequence[str], notes: list[str]) -> tu
     if options.sizes is None:
         return size, sigma
     table = read_target_sizes(options.sizes)
-    rows = matched(table.images, images)
+    rows = match_names(table.images, images)
     ok = rows >= 0
     if not ok.any():
         raise InputError.in_file(

@@ -35,7 +35,7 @@ from ....geodesy.rotation import (
     vector_from_rotation,
 )
 from ....io.formats.blocks.ground_points import GroundAxes, GroundTable
-from ....io.formats.blocks.joined import matched
+from ....io.formats.blocks.joined import match_names
 from ....io.formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
 from ....io.formats.orientation.eo_json import read_one_camera
 from ....io.formats.trajectory.trajectory_csv import TrajectoryTable, read_trajectory_csv
@@ -462,5 +462,5 @@ def rows_by_name(track: Track, images: Sequence[str]) -> Rows | None:
     """
     if track.images is None:
         return None
-    rows = matched(images, track.images)
+    rows = match_names(images, track.images)
     return rows if (rows >= 0).any() else None
