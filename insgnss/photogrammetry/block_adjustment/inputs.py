@@ -186,12 +186,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> BlockInputs:
         notes.append(f"{unseen} images of the aerial control have no image observations: {named}")
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
-    further: tuple[ObservationGroup, ...] = (
-        *observed_camera(file, block),
-        *distances,
-        *constraints,
-    )
-    return BlockInputs(file, block, eo, rows, tuple(notes), further, vehicle, unchecked)
+    further: list[ObservationGroup] = [*observed_camera(file, block), *distances, *constraints]
+    return BlockInputs(file, block, eo, rows, tuple(notes), tuple(further), vehicle, unchecked)
 
 
 def _refuse_two_datums(file: BlockFile) -> None:
