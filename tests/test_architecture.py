@@ -317,6 +317,17 @@ def test_exceptions_are_still_needed() -> None:
     }
 
 
+def test_imports_name_modules_that_exist() -> None:
+    """Oracle: the files; an import inside a function fails only when a user gets there."""
+    missing = {
+        (module, name)
+        for module in MODULES
+        for name in imports(module)
+        if name.startswith("insgnss.") and name.removeprefix("insgnss.") not in MODULES
+    }
+    assert not missing
+
+
 def test_no_kind_is_read_from_a_name() -> None:
     """Oracle: the syntax tree. What a state, a parameter, a component or a check is stands in the
     fields of its record; a label is compared as a whole, and never by its beginning, its end or a

@@ -174,7 +174,7 @@ def test_only_a_marker_has_the_delta_of_the_header(tmp_path):
             {"rtklib_options": {"pos1-elmask": "10"}},
             r"cannot be set there: gnss\.elevation_mask_deg sets it",
         ),
-        ({"rtklib_options": {"Arminfix": "10"}}, "'Arminfix' is no name of an option of RTKLIB"),
+        ({"rtklib_options": {"Arminfix": "10"}}, "'Arminfix' is not the name of an RTKLIB option"),
         ({"rtklib_options": {"pos2-arminfix": "10\nout-solformat=1"}}, "line break"),
         ({"acceleration_mps2": (0.0, 1.0)}, "greater than zero"),
     ],

@@ -78,7 +78,7 @@ def test_a_rover_without_events_is_the_one_of_more_epochs(tmp_path):
     receiver(tmp_path / "a.18o", "A", np.arange(0.0, 40.0))
     s = survey([tmp_path])
     assert s.rover is None
-    assert "nothing in a.18o, b.18o tells which receiver flew" in s.missing
+    assert "the files do not show which receiver of a.18o, b.18o flew" in s.missing
 
 
 def test_what_is_missing_is_named(flown, capsys):

@@ -284,7 +284,6 @@ def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Ta
         Two flights have the same output directory.
     """
     from ...flight.config.load import load_flight
-    from .forecast import forecast_bytes
 
     tasks, outputs = [], []
     for flight in flights:

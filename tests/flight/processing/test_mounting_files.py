@@ -94,10 +94,14 @@ def test_a_mounting_that_fits_is_silent(images: Path, changes: dict[str, Any]) -
     ("changes", "flown", "words"),
     [
         ({"camera": "ILCE-7RM2"}, "2018-08-01", "the images are of 'FC6310'"),
-        ({"image_size": (60, 40)}, "2018-08-01", "images of 60 x 40 and 40 x 30 pixels"),
+        (
+            {"image_size": (60, 40)},
+            "2018-08-01",
+            "image sizes of calibration and flight differ, 60 x 40 and 40 x 30 pixels",
+        ),
         ({"focal_px": 40.0}, "2018-08-01", "(-31 %, limit 15 %)"),
-        ({}, "2019-07-07", "flown 366 days after its calibration data of 2018-07-06 (limit 365"),
-        ({}, "2017-07-05", "flown 366 days before its calibration data"),
+        ({}, "2019-07-07", "is 366 days after the calibration data of 2018-07-06 (limit 365"),
+        ({}, "2017-07-05", "is 366 days before the calibration data"),
         (
             {"not_determined": {"imu_m": "-"}},
             "2018-08-01",

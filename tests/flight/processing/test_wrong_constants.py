@@ -73,7 +73,7 @@ def test_a_clock_that_steps_is_no_rate(sim, estimated):
 @pytest.mark.parametrize(
     ("change", "name", "number", "within"),
     [
-        ({"late": 0.006}, "GNSS time offset", r"lack (\S+) \+-", (-0.006, 0.0015)),
+        ({"late": 0.006}, "GNSS time offset", r"early by (\S+) \+-", (-0.006, 0.0015)),
         pytest.param(
             *({"lever": (0, 0, -0.07)}, "antenna lever arm", r"down (\S+) \+-", (0.07, 0.02)),
             marks=pytest.mark.slow,

@@ -448,5 +448,7 @@ def test_a_prediction_that_never_settles_is_refused():
 
     kinds = {"digits": (digits, 1e-3, (), (), None)}
     flown, start = flown_with(kinds, 3, 10.0)
-    with pytest.raises(DataError, match=r"digits: after 6 passes .* check that `predict` is"):
+    with pytest.raises(
+        DataError, match=r"digits: after 6 filter passes .* check that `predict` is"
+    ):
         solve(flown.problem, start)

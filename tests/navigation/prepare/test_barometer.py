@@ -1,5 +1,7 @@
 """Heights of a barometer, one a second on the level of the fixes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,7 +50,8 @@ def test_a_barometer_of_another_time_is_refused():
     """Oracle: both spans, as the message says them."""
     time = np.arange(0.0, 50.0, 0.1)
     imu = ImuSamples(time, np.zeros((500, 3)), np.zeros((500, 3)), source="imu.csv")
-    refuse_apart(climb(49.0, 60.0, 1.0), imu)
+    fixes = replace(FIXES, time=FIX_TIME - FIX_TIME[0])
+    refuse_apart(climb(49.0, 60.0, 1.0), imu, fixes)
     message = "heights from 100.0 to 159.0 s, imu.csv: samples from 0.0 to 49.9 s"
     with pytest.raises(InputError, match=message):
-        refuse_apart(climb(100.0, 160.0, 1.0), imu)
+        refuse_apart(climb(100.0, 160.0, 1.0), imu, fixes)

@@ -215,7 +215,7 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ([rest, *UNITS, "--parameters", "gyro.white_noise"], "--parameters belongs to --flight"),
         (
             ["--flight", "flight.toml", "--model", "WN"],
-            "with --flight only --parameters, --out and --force have a meaning",
+            "with --flight only --parameters, --out and --force have an effect",
         ),
         ([rest, *UNITS, "--model", "WN+2GN", *out], "unknown process 'GN', did you mean 'GM'?"),
         ([rest, *UNITS, "--model", "WN", "--levels", "3:", *out], "is no level"),
