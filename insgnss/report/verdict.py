@@ -74,8 +74,8 @@ def _reasons_text(judged: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     measure = f"the flight file needs {need}"
     if judged["measure"] != STATED_NEED:
         measure = (
-            f"needed are {need}, which this receiver and this IMU allow on such a flight; state"
-            " your own need in output.need_m and output.need_deg"
+            f"no need is stated, so {need} is taken, as usual of this receiver and this IMU on such"
+            " a flight; state yours in output.need_m and output.need_deg"
         )
     subject = "all images are" if summary["exposures"] else "the whole trajectory is"
     return f"{subject} known to {largest} (east, north, up) or better; {measure}"

@@ -831,7 +831,7 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "GNSS 50 ms off": (
         _columns(GNSS, 0, lambda t: t - 0.05),
         INPUT,
-        ("GNSS time offset", "early by +0.05"),
+        ("GNSS time offset", "too early by 0.05"),
     ),
     "lever arm wrong by 1 m": (
         _toml("[0.462, -0.001, -0.065]", "[1.462, -0.001, -0.065]"),

@@ -32,7 +32,7 @@ def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary
     colour, why, _ = run_verdict(s)
     assert colour == "good"
     assert "known to 2.0 / 3.0 / 4.0 mm and 0.004 / 0.003 / 0.02 deg" in why
-    assert "needed are 30.0 / 30.0 / 54.1 mm and 0.05 / 0.05 / 0.2 deg" in why
+    assert "no need is stated, so 30.0 / 30.0 / 54.1 mm and 0.05 / 0.05 / 0.2 deg" in why
 
 
 def test_the_usual_need_is_that_of_a_fix_in_the_axes_of_the_images(
@@ -223,6 +223,6 @@ def test_fixes_that_stand_apart_are_the_cause_in_their_span(diagnostics, eo, sum
         check = replace(check, spans_s=((float(begin), float(begin) + 20.0),))
         s = summary(diagnostics(checks=(check,)), images)
         (reason,) = s["use"]["reasons"]
-        assert ("they stand apart; look at them, and give" in reason) is named
+        assert ("they stand apart; look at them; leave these images out, or" in reason) is named
         remarks = [*limits(s).parts, *limits(s).more]
         assert ("incorrect fixes" in str(remarks)) is not named

@@ -80,15 +80,15 @@ def test_headline_says_what_slow_errors_of_usual_size_leave(seed) -> None:
             *records, mounting=mounting, noise="navchip", gnss__correlation_time_s=time_s, **options
         ).report["headline"]
 
-    stated = re.search("PPK usually does, the sigmas are (.*) mm", headline())
+    stated = re.search("PPK does as a rule, the sigmas are (.*) mm", headline())
     assert stated is not None
     slow = headline(gnss__gm_sigma=USUAL_SHARE)
     filtered = re.search("median sigmas (.*) mm", slow)
     assert filtered is not None
     sizes = [[float(x) for x in found[1].split(" / ")] for found in (stated, filtered)]
     np.testing.assert_allclose(*sizes, rtol=0.1)
-    assert "usually" not in slow
-    assert "usually" not in headline(gnss__gm_sigma="off")
+    assert "as a rule" not in slow
+    assert "as a rule" not in headline(gnss__gm_sigma="off")
 
 
 @pytest.mark.parametrize(
@@ -111,6 +111,7 @@ def test_headline_says_what_slower_errors_leave(time_s, share, stated, said) -> 
         "flight": {"gnss": {"gm_sigma": stated}},
         "innovations": {"median_sigma_mm": [20.0, 20.0, 30.0]},
         "time_correlated_errors": [error],
+        "use": {"need_m": [0.06, 0.06, 0.06]},
     }
     claim = {"axes": ["E", "N", "U"], "position_mm": {"median": [20.0, 26.5, 30.0]}}
     text = _if_usual(figures, claim)
@@ -118,6 +119,7 @@ def test_headline_says_what_slower_errors_leave(time_s, share, stated, said) -> 
     if said:
         assert "this holds for GNSS errors with a correlation time of 75 s; with 300 s" in text
         assert said in text
+        assert ("more than is needed: compare" in text) is (share < 1.0)  # of 60 mm
 
 
 @pytest.mark.parametrize(
@@ -162,7 +164,9 @@ def test_headline_counts_images_that_are_far_worse_than_the_rest(diagnostics, eo
         headlines.append(run(diagnostics(), dataclasses.replace(images, cov=cov))["headline"])
     far = "; 4 images with more than 3 times the median, up to 18.0 / 27.0 / 36.0 mm; "
     assert far in headlines[0]
-    assert headlines[1].startswith("Use it except 4 images (8008.tif ... 8011.tif): 30 images: ")
+    assert headlines[1].startswith(
+        "Use it except 4 images (8008.tif ... 8011.tif): the other 26 images: "
+    )
     assert "times the median" not in headlines[1]
     assert "times the median" not in run(diagnostics(), images)["headline"]
 

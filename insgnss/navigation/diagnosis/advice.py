@@ -428,7 +428,8 @@ def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: boo
     """Check the time offset of the fixes."""
     contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
     return Question(str(TIME_OFFSET), f"none, or less than {NEGLIGIBLE_M:g} m").against(
-        f"time stamps of the fixes are early by {offset:+.4f} +- {sigma:.4f} s, "
+        f"time stamps of the fixes are too {'late' if offset < 0.0 else 'early'} by"
+        f" {abs(offset):.4f} +- {sigma:.4f} s, "
         f"{abs(offset) * speed:.2f} m at {speed:.1f} m/s{by}",
         Step(
             f"add {offset:+.4f} to {{gnss.time_offset_s}}, or set {{}} to have it estimated;"

@@ -341,8 +341,9 @@ def step_check(step: ClockStep) -> Finding:
         f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
     )
     sentence = (
-        f"from {step.after:.2f} s on the time stamps of the fixes are early by {step.size:+.4f} "
-        f"+- {step.sigma:.4f} s more than before, {moves}{whose}"
+        f"from {step.after:.2f} s on the time stamps of the fixes are"
+        f" {'later' if step.size < 0.0 else 'earlier'} by {abs(step.size):.4f} +-"
+        f" {step.sigma:.4f} s than before, {moves}{whose}"
     )
     if step.missing:
         parts = ""

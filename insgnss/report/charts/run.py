@@ -28,9 +28,9 @@ _MAP = (
     "Ctrl and wheel, move by dragging, show all by double-click."
 )
 _MAP_IMAGES = (
-    " Dots are images, coloured by their horizontal standard deviation; give images that stand "
-    "out less weight in the adjustment. Point at an image to see its time in all charts; click it "
-    "to mark it in the table."
+    " Dots are images, coloured by their horizontal standard deviation: those that stand out"
+    " deserve less weight in the adjustment. Point at an image to see its time in all charts; click"
+    " it to mark it in the table, whose coordinates count from the origin of the tangent plane."
 )
 _MOTION = (
     "Height, horizontal speed and attitude. Changes of heading make heading and biases "

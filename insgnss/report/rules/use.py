@@ -137,7 +137,8 @@ def use(
     -------
     dict
         `verdict` ("use", "except", "no"), `sentence`, `images` (names of those not to be used),
-        `reasons`, `topics` (of the limits that say the same as the reasons), `largest_m` and
+        `reasons`, `topics` (of the limits that say the same as the reasons), `usable` (of "except":
+        how many others there are, and the medians of their standard deviations), `largest_m` and
         `largest_deg` (of all images, by (U.1)), `need_m`, `need_deg` and `measure` (where the
         needs are from).
     """
@@ -180,12 +181,25 @@ def use(
         "images": [name for name, out in zip(judged.names, beyond, strict=False) if out],
         "reasons": [*against, *reasons],
         "topics": list(dict.fromkeys(topics)),
+        "usable": _medians(judged, ~beyond) if verdict == EXCEPT and not beyond.all() else None,
         "largest_m": enlarged[:, :3].max(axis=0).tolist(),
         "largest_deg": enlarged[:, 3:].max(axis=0).tolist(),
         "need_m": needs[0].tolist(),
         "need_deg": needs[1].tolist(),
         "measure": USUAL_NEED if need_m is None and need_deg is None else STATED_NEED,
     }
+
+
+def _medians(judged: JudgedPlaces, rows: Rows) -> dict[str, Any]:
+    """Return how many places are usable, and the medians of their standard deviations."""
+    medians = {
+        name: {"median": np.median(sigma[rows], axis=0).tolist()}
+        for name, sigma in (
+            ("position_mm", 1e3 * judged.position_m),
+            ("attitude_deg", judged.attitude_deg),
+        )
+    }
+    return {"count": int(rows.sum())} | medians
 
 
 def _rows_beyond_need(sigma: Array, needed: Array) -> Rows:
@@ -436,16 +450,17 @@ class Cause:
 
 def _cause(figures: Figures, begin: float, end: float, column: int) -> Cause:
     """Return why images between two instants are weak in a column of their sigmas."""
-    weighed = "; give them their sigmas in the adjustment"
+    weighed = "or weigh them by their sigmas in the adjustment"
+    left_out = f"; leave these images out, {weighed}"
     for check in figures["checks"] if column < 3 else ():
         if any(span[0] <= end and span[1] >= begin for span in check.get("spans_s", ())):
-            help_ = f"; {check['advice']}, and {weighed[2:]}"
+            help_ = f"; {check['advice']}{left_out}"
             return Cause(f": {check['found']}", help_, check["name"])
     outages = [o for o in figures["outages"] if o["time_s"] <= end + 1.0]
     outages = [o for o in outages if o["time_s"] + o["length_s"] >= begin - 1.0]
     if outages:
         o = max(outages, key=lambda outage: float(outage["length_s"]))
-        help_ = f"; repeat these images, or{weighed[1:]}"
+        help_ = f"; fly these images again, leave them out, {weighed}"
         return Cause(f": {no_fix(figures, o)}", help_, "outage", o["time_s"])
     if accuracy.by_stamps(figures, "position" if column < 3 else "attitude"):
         stamps = figures["exposures"]["stamps"]
@@ -463,4 +478,4 @@ def _cause(figures: Figures, begin: float, end: float, column: int) -> Cause:
     if column > 2 and exposures is not None and begin <= exposures["first_time_s"]:
         why, help_ = places.why_first(figures, "heading" if column == 5 else "tilt")
         return Cause(f": {why}", f"; {help_}")
-    return Cause("", weighed)
+    return Cause("", left_out)

@@ -72,8 +72,13 @@ def headline(figures: Figures) -> str:
     """One line: what accuracy the run claims, and whether its fixes support the claim."""
     images, fixes = figures["exposures"], figures["counts"]
     claim = figures["trajectory"] if images is None else images
+    usable_images = figures["use"]["usable"] if images is not None else None
+    if usable_images is not None:
+        claim = {**claim, **usable_images}
     position, attitude = lengths(claim["position_mm"]["median"]), claim["attitude_deg"]["median"]
-    subject = "trajectory" if images is None else _images(images["count"])
+    subject = "trajectory" if images is None else _images(claim["count"])
+    if usable_images is not None:
+        subject = f"the other {subject}"
     text = (
         f"{subject}: median sigmas {position} ({', '.join(claim['axes'])}), tilt"
         f" {degrees(tilt(attitude))}, heading {degrees(attitude[2])}"
@@ -123,7 +128,15 @@ def _if_usual(figures: Figures, claim: Figures) -> str:
     ]
     if max(with_slow) < USUAL_MATTERS * max(of_images):
         return ""
-    return f"; if they err slowly, as PPK usually does, the sigmas are {lengths(with_slow)}"
+    usual = (
+        "positions without fixed ambiguities do"
+        if max(predicted) > rules_accuracy.CODE_MM
+        else "PPK does"
+    )
+    beyond = _beyond_need(figures, claim, with_slow)
+    return (
+        f"; if they err slowly, as {usual} as a rule, the sigmas are {lengths(with_slow)}{beyond}"
+    )
 
 
 def _if_slower(figures: Figures, claim: Figures) -> str:
@@ -149,7 +162,17 @@ def _if_slower(figures: Figures, claim: Figures) -> str:
     return (
         f"; this holds for GNSS errors with a correlation time of {error['time_s']:.0f} s; with"
         f" {SLOWEST_S:.0f} s, which no flight can rule out, the sigmas are {lengths(slower)}"
+        f"{_beyond_need(figures, claim, slower)}"
     )
+
+
+def _beyond_need(figures: Figures, claim: Figures, sigma_mm: Sequence[float]) -> str:
+    """Say that standard deviations in the axes of the claim, mm, are beyond the need."""
+    east, north, up = figures["use"]["need_m"]
+    needed = (north, east, up) if claim["axes"][0] == "N" else (east, north, up)
+    if all(sigma <= 1e3 * need for sigma, need in zip(sigma_mm, needed, strict=True)):
+        return ""
+    return ", more than is needed: compare some images with check points"
 
 
 def _if_clocks_drift(figures: Figures, claim: Figures) -> str:

@@ -64,7 +64,7 @@ def test_a_clock_that_steps_is_no_rate(sim, estimated):
     assert refusal.value.exit_code == 3
     assert "clock rate" not in str(refusal.value)
     at, size = re.search(
-        r"from (\S+) s on the time stamps of the fixes are early by (\S+) ", str(refusal.value)
+        r"from (\S+) s on the time stamps of the fixes are earlier by (\S+) ", str(refusal.value)
     ).groups()
     assert float(at) == pytest.approx(middle, abs=0.3)
     assert float(size) == pytest.approx(0.05, abs=0.002)
@@ -73,7 +73,7 @@ def test_a_clock_that_steps_is_no_rate(sim, estimated):
 @pytest.mark.parametrize(
     ("change", "name", "number", "within"),
     [
-        ({"late": 0.006}, "GNSS time offset", r"early by (\S+) \+-", (-0.006, 0.0015)),
+        ({"late": 0.006}, "GNSS time offset", r"too late by (\S+) \+-", (0.006, 0.0015)),
         pytest.param(
             *({"lever": (0, 0, -0.07)}, "antenna lever arm", r"down (\S+) \+-", (0.07, 0.02)),
             marks=pytest.mark.slow,

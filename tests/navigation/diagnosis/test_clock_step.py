@@ -104,7 +104,8 @@ def test_a_step_is_found_with_its_size_and_its_instant(clean, imu, gnss, size, o
     assert one.before - 0.2 < at < one.after + 0.2
     check = step_check(one)
     assert check.verdict == "contradiction"
-    assert (f"{missing} IMU samples were lost" if missing else f"{one.size:+.4f}") in check.found
+    shift = f"{'earlier' if one.size > 0.0 else 'later'} by {abs(one.size):.4f} +-"
+    assert (f"{missing} IMU samples were lost" if missing else shift) in check.found
     if missing:  # the same sigma is half a sample or more of a faster IMU
         inc = replace(one.solution.problem.inc, nominal_s=1.9 * one.sigma)
         problem = replace(one.solution.problem, inc=inc)
