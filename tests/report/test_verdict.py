@@ -640,3 +640,37 @@ def test_sigmas_that_were_enlarged_without_need_stand_out(diagnostics, eo) -> No
     assert s["verdict"][0].startswith(
         "sigmas of the fixes: the sigmas of the file explain the innovations as white"
     )
+
+
+@pytest.mark.parametrize(
+    ("changes", "said_so"),
+    [
+        ({}, True),
+        ({"lever_arm": False}, False),
+        ({"antenna_m": [0.0, 0.0, 0.0]}, False),
+        ({"sigma": 0.001}, False),
+    ],
+)
+def test_a_measured_lever_arm_that_is_estimated_all_the_same(
+    diagnostics, eo, changes, said_so
+) -> None:
+    """Oracle: by hand: 18 mm of an arm that the mounting states, beside images of 4 mm; nothing
+    where it is not estimated, not stated, or known to a millimetre.
+    """
+    states = tuple(
+        Estimate(state, 0.0, changes.get("sigma", 0.018), 1.0, 0.018) for state in OF_LEVER_ARM
+    )
+    mounting = {"antenna_m": changes.get("antenna_m", [0.3, 0.0, 0.4]), "imu_m": [0.0, 0.0, 0.0]}
+    mounting |= {"antenna_sigma_m": None, "boresight": np.eye(3).tolist()}
+    options = {"lever_arm": changes.get("lever_arm", True), "lever_arm_sigma_m": 1.0}
+    flight = {
+        "name": "f",
+        "mounting": mounting | {"camera_from_body": np.eye(3).tolist()},
+        "filter": options,
+    }
+    s = run(diagnostics(states=states), eo(), flight)
+    texts = [limit["text"] for limit in s["limits"] if limit["topic"] == "estimated lever arm"]
+    assert bool(texts) is said_so
+    if said_so:
+        assert "lever arm of 0.50 m" in texts[0]
+        assert "18.0 mm remain, a large part of the 4.0 mm of the images" in texts[0]

@@ -70,8 +70,8 @@ APART_S = 5.0  # between rejected fixes: from there on they make two spells
 REJECTED_BESIDE_SPELLS = 0.01  # share of the other fixes that may be rejected
 STEP_SIGMAS = 3.0  # of what the fixes claim, below which a step is none: code solutions wander so
 # what is done with spells
-LEFT_OUT = "they are left out"
-AS_FLOAT = "they are used as float solutions, with an error of that size that decays"
+LEFT_OUT = "these fixes are left out"
+AS_FLOAT = "they are taken as float solutions, whose sigmas include a decaying error of this size"
 ENLARGED = "no data show which level is right, so the covariance includes the step"
 PASSES = 4  # of the filter, each of which may show further steps
 # of float solutions that claim to be fixed
@@ -477,13 +477,14 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[FixSpell, ...], do
         A note.
     """
     time = problem.inc.marks
+    end = int(np.flatnonzero(problem.epochs.has_position)[-1])
     each = (
-        f"{time[s.first]:.1f} to {time[s.last]:.1f} s by"
+        f"{time[s.first]:.1f} to {f'{time[s.last]:.1f} s' if s.last < end else 'the end'} by"
         f" {1e3 * float(np.linalg.norm(s.step)):.0f} mm"
         for s in spells
     )
     check = Question("incorrect fixes", "one level throughout").note(
-        "fixes jump against those before and after, as with an incorrect ambiguity fix: "
+        "some fixes jump against the others, as with an incorrect ambiguity fix: "
         f"{some(each, 5, '; ')}; {done}",
         "see the quality of the PPK solution there",
     )

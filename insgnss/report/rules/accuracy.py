@@ -19,10 +19,12 @@ from .wording import Figures, degrees, millimetres, tilt
 GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
 GOOD_GYRO_DEG_H = 60.0  # sigma of a gyro bias: its heading drifts by a degree a minute
 CODE_MM = 500.0  # horizontal sigma beyond which no ambiguities were fixed
+PROCESS_RAW = "process the raw GNSS data with those of a base station (PPK), or fly with RTK"
 HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
 SHARE_OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 # of the images' variance (1): 0.5, beyond which the stamps outweigh all other errors together
 SHARE_OF_STAMPS = 0.5
+SHARE_OF_ARM = 0.7  # of the sigma of the images (1): 0.7, half of the variance
 MINUTE_S = 60.0  # for which users are told what a bias or a slow error makes
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 MOST_STATES = 4  # states in a sentence (chosen)
@@ -62,7 +64,12 @@ def code(figures: Figures) -> Iterator[Finding]:
     """Yield the absolute position where no ambiguities were fixed (float ambiguities, code)."""
     north, east, down = figures["trajectory"]["position_mm"]["median"]
     horizontal = math.hypot(north, east)
+    predicted = figures["innovations"]["median_sigma_mm"]
     if horizontal < CODE_MM:
+        if predicted is not None and max(predicted[:2]) > CODE_MM and not figures["standing"]:
+            text = "the GNSS positions are code solutions, without fixed ambiguities: each is known"
+            text += f" to {millimetres(max(predicted[:2]))} horizontally"
+            yield ranked("absolute position", REMARK, text, PROCESS_RAW)
         return
     text = (
         f"absolute position is known only to {millimetres(horizontal)} horizontally and "
@@ -84,7 +91,7 @@ def code(figures: Figures) -> Iterator[Finding]:
         "absolute position",
         horizontal / GOOD_HORIZONTAL_MM,
         text,
-        "process the raw GNSS data with those of a base station (PPK), or fly with RTK",
+        PROCESS_RAW,
     )
 
 
@@ -267,6 +274,32 @@ def lever_arm(figures: Figures) -> Iterator[Finding]:
         " with mounting.antenna_sigma_m that the antenna's place is known no better"
     )
     yield ranked("lever arm", max(beyond) / SIGNIFICANT + 1.0, text, help_)
+
+
+def measured_arm(figures: Figures) -> Iterator[Finding]:
+    """Yield a lever arm that is stated, and estimated as if it were not, where images suffer.
+
+    `insgnss inspect` drafts its estimation, as it knows no lever arm; who measures it later may
+    leave that in the flight file.
+    """
+    arm = arm_states(figures)
+    if figures["exposures"] is None or not arm or "mounting" not in figures["flight"]:
+        return
+    mounting, options = figures["flight"]["mounting"], figures["flight"]["filter"]
+    length_m = math.dist(mounting["antenna_m"], mounting["imu_m"])
+    remaining_mm = 1e3 * max(state["sigma"] for state in arm.values())
+    of_images_mm = max(figures["exposures"]["position_mm"]["median"])
+    if options["lever_arm"] and length_m and remaining_mm > SHARE_OF_ARM * of_images_mm:
+        text = (
+            f"the mounting states a lever arm of {length_m:.2f} m, but filter.lever_arm estimates"
+            f" its error from {options['lever_arm_sigma_m']:g} m on: {millimetres(remaining_mm)}"
+            f" remain, a large part of the {millimetres(of_images_mm)} of the images"
+        )
+        help_ = (
+            "if the lever arm was measured, delete filter.lever_arm and filter.lever_arm_sigma_m;"
+            " mounting.antenna_sigma_m states how well (5 mm where it is left out)"
+        )
+        yield ranked("estimated lever arm", REMARK, text, help_)
 
 
 def _millimetre_list(position: Sequence[float], difference: Sequence[float], sign: float) -> str:

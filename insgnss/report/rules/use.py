@@ -464,7 +464,11 @@ def _cause(figures: Figures, begin: float, end: float, column: int) -> Cause:
         return Cause(f": {no_fix(figures, o)}", help_, "outage", o["time_s"])
     if accuracy.by_stamps(figures, "position" if column < 3 else "attitude"):
         stamps = figures["exposures"]["stamps"]
-        path = f", {millimetres(1e3 * stamps['path_m'])} along the path" if column < 3 else ""
+        path = (
+            f", {millimetres(1e3 * stamps['path_m'])} along the path in the median"
+            if column < 3
+            else ""
+        )
         return Cause(
             f": the exposures' stamps are known to {stamps['sigma_s']:.2g} s only{path}",
             "; give stamps with all their digits, or let the receiver record the exposures",

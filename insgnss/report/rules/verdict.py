@@ -61,6 +61,7 @@ ON_THE_REST: tuple[Rule, ...] = (
     rules_accuracy.overall_attitude,
     rules_accuracy.heights,
     rules_accuracy.lever_arm,
+    rules_accuracy.measured_arm,
     rules_accuracy.states,
     rules_accuracy.gyro_bias,
     rules_accuracy.boresight,

@@ -187,7 +187,7 @@ def test_a_spell_of_wrong_fixes_is_no_constant(sim):
     assert not names & {"antenna lever arm", "GNSS time offset", "clock rate"}
     assert not names & {"IMU scale factors", "IMU misalignments"}
     (check,) = [check for check in result.checks if check.name == "incorrect fixes"]
-    assert "they are left out" in check.found
+    assert "these fixes are left out" in check.found
     assert np.abs(normalised(sim, result)).max() < 4.5
 
 

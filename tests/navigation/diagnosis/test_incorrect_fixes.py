@@ -70,7 +70,7 @@ def test_spells_are_found_and_withheld(flown, spans):
     assert (solution.verdict[inside, POSITION_ROW] == REJECTED).all()
     check = incorrect_check(withheld, spells, LEFT_OUT)
     assert check.verdict == "note"
-    assert "they are left out" in check.found
+    assert "these fixes are left out" in check.found
 
 
 @pytest.mark.parametrize("length_s", [20.0, 66.0])
