@@ -128,9 +128,7 @@ def compare(flight: Path, minutes: float, repeats: int, scratch: Path) -> None:
     print(f"  pandas.read_csv     {b.cpu:6.2f} s CPU {b.wall:6.2f} s wall {b.memory:6.0f} MB peak")
     print(f"  ratio of CPU        {ratio:6.2f}                                  (bar: {BAR:g})")
     print(f"  with headings       {c.cpu:6.2f} s CPU {c.wall:6.2f} s wall {c.memory:6.0f} MB peak")
-    print(
-        f"  ratio to without    {of_headings:6.2f}                                  (bar: {HEADING_BAR:g})"
-    )
+    print(f"  ratio to without    {of_headings:6.2f}  (bar: {HEADING_BAR:g})")
     named = {name: statistics.median(s[name] for s in steps) for name in steps[0]}
     inside = sum(named.values())
     print("  CPU by step         " + ", ".join(f"{n} {s:.2f}" for n, s in named.items()))
