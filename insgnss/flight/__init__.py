@@ -18,8 +18,8 @@ Where to look
     a further sensor: a kind in `sensors/shipped.py`, and its row of data_specs/measurement.md
     keys shared by flight files: `config/include.py`
     the 5-sigma gate: option `gnss.gate_sigma` in `config/gnss_options.py`
-    `mounting.toml` in a flight: `remounted` in `config/load.py`; camera, lens and date against the
-        flight: `check_mounting_files` in `processing/checks.py`
+    `mounting.toml` in a flight: `with_mounting_file` in `config/load.py`; camera, lens and date
+        against the flight: `check_mounting_files` in `processing/checks.py`
     how observations come in: `processing/input_files.py`, to one clock in `recording.py` there
         (also errors of dead bands and of positions with too few digits)
     what stops a run: `processing/checks.py` (clocks, constants, datum); checks of a recording:

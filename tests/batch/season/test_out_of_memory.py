@@ -21,7 +21,7 @@ HUNGRY = """
 import resource, time
 import numpy as np
 import insgnss.batch.season.work as work
-whole, processed = work.process_task, work._processed
+whole, processed = work.process_task, work._process_flight
 
 def filled(task, size):
     kept = []
@@ -44,7 +44,7 @@ def hungry(task):
             resource.setrlimit(resource.RLIMIT_AS, limits)
     return processed(task)
 
-work._processed = hungry
+work._process_flight = hungry
 
 def process_task(task):
     return whole(task)
@@ -132,4 +132,4 @@ def test_who_is_killed_by_the_kernel_for_memory_is_named_and_nobody_else(
     assert reason.startswith(
         "memory: the system ended the process of this flight for lack of memory (it had "
     )
-    assert "GB when last seen), although it ran alone" in reason
+    assert "GB when last seen); it ran alone" in reason

@@ -170,6 +170,6 @@ def test_fixed_wing_attitude_agrees_with_the_filter_on_board(tmp_path):
     moved = next(
         float(re.search(r"[+-][\d.]+", line)[0])
         for line in result.report["history"]
-        if line.startswith("the stamps")
+        if line.startswith("time stamps of the fixes")
     )
     assert -0.15 < moved < -0.03
