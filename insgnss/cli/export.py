@@ -263,8 +263,8 @@ def _warn_of_changed_inputs(eo: Path) -> None:
 
     if changed := [name for document in DOCUMENTS for name in changed_since(eo.parent / document)]:
         warnings.warn(
-            f"{eo} is older than {', '.join(changed)}: the export has the orientations before this"
-            " change; process the flight again, then export",
+            f"{', '.join(changed)} changed after {eo} was computed: the export has the former"
+            " orientations; process the flight again, then export",
             stacklevel=2,
         )
 

@@ -250,7 +250,7 @@ class RawGnss(EngineSettings):
         kind="observations",
         form="path or list of paths",
         cli="ROVER",
-        cli_meaning="observations of the rover, RINEX 2 or 3, plain or packed; consecutive files"
+        cli_meaning="observations of the rover, RINEX 2 or 3, also compressed; consecutive files"
         " are joined",
     )
     base: Path | tuple[Path, ...] = option(

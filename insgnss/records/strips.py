@@ -71,7 +71,9 @@ class CommonErrors:
     def __post_init__(self) -> None:
         segment = frozen_integers(self, "segment")
         if segment.ndim != 1 or (segment < 0).any() or np.ndim(self.factor) != 3:
-            raise InputError("CommonErrors: one segment, from 0, and 6 x q values of each image")
+            raise InputError(
+                "CommonErrors: give each image a segment number from 0 and a factor of 6 x q values"
+            )
         q = self.factor.shape[2]
         count = int(segment.max(initial=-1)) + 1
         freeze(self, {"factor": (segment.size, 6, q), "lever_arm": (count, 3, q)})

@@ -384,7 +384,7 @@ def test_what_is_wrong_is_said_with_file_and_line(written):
         f":{len(lines) - 7}: message of E08 has 5 lines of 8": "".join(lines[:-3]),
         ":5: '    5.15": good,
         "no message of a healthy satellite": "".join(lines[:2]),
-        ":3: message of G01 lacks a number": "".join(
+        ":3: navigation message of G01 lacks a value": "".join(
             [*lines[:2], lines[2][:23], " " * 19, lines[2][42:], *lines[3:]]
         ),
     }

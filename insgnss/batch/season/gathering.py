@@ -168,8 +168,8 @@ def _flights_of_rows(
         if out_directory is not None and not any(inside(out_directory, home) for home in allowed):
             problem = f"out {cells['out']!r} is outside of the directory of {path.name}"
             advice = (
-                "give as --out a directory that contains this output directory, or move"
-                f" {path.name} into one"
+                f"set --out to a directory above {cells['out']!r}, or move {path.name} to such a"
+                " directory"
             )
             raise InputError.at_line(path, number, f"{problem}; {advice}")
         flights.append(SeasonFlight(file, cells.get("name", ""), out_directory))

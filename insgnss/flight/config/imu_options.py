@@ -125,7 +125,7 @@ class ImuInput(Checked, table="imu"):
     )
     axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
     noise: "str | Path | NoiseModel" = option(
-        "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
+        "navchip", "name of a noise model of insgnss, or path of a noise-model file", kind="noise"
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
     variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)

@@ -272,7 +272,10 @@ def _read(
     fixes = None if gnss is None else read_gnss(gnss.path, **_spec(gnss))
     if gnss is not None and fixes is not None and "undulation_m" in gnss.keys:
         finding = gnss.why["undulation_m"].partition(":")[0]
-        advice = "set gnss.undulation_m; without this key the flight is not processed"
+        advice = (
+            "set gnss.undulation_m to the height of the geoid; without it the flight is not"
+            " processed"
+        )
         ask = note("GNSS position", finding, "heights above the ellipsoid", advice)
         fixes = replace(fixes, notes=(*fixes.notes, ask))
     return samples, fixes, None if events is None else read_events(events.path, **_spec(events))

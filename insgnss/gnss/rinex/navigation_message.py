@@ -419,7 +419,9 @@ def _check_orbit(path: Source, message: _Message, row: Array) -> None:
     """Raise InputError where an element is missing or out of all bounds."""
     satellite = message.satellite
     if not np.isfinite(row).all():
-        problem = f"message of {satellite} lacks a number; the file is damaged, fetch it again"
+        problem = (
+            f"navigation message of {satellite} lacks a value; the file is damaged, fetch it again"
+        )
         raise InputError.at_line(path, message.line, problem)
     if satellite[0] == "R":
         size = float(np.linalg.norm(row[STATE : STATE + 3]))

@@ -221,7 +221,7 @@ def _compare_sign(recognition: Recognition, accel_sign: int) -> Finding:
     if recognition.exchanged:
         return ask.contradiction(statement, EXCHANGED_ADVICE)
     if not finding.confidence:
-        return ask.note(statement, "the data do not determine the sign of the force")
+        return ask.note(statement, "the data do not show whether the accelerometers are reversed")
     if recognition.exchanges:  # as mirrored readings have it: no sign of the force's own
         return ask.note(statement, "caused by the left-handed axes alone; see recognised axes")
     if recognition.accel_sign > 0:

@@ -85,8 +85,8 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
     )
     if sure == 0.0:
         evidence = (
-            f"median size {size:.4g} over {SIZE_S} s; gravity has that size in no unit that is"
-            " known"
+            f"the accelerometers show {size:.4g} in the median over {SIZE_S} s, which is gravity in"
+            " no known unit"
         )
         return unknown_force(G / size, evidence)
     value = unit or f"{factor:.4g} m/s^2"

@@ -209,8 +209,8 @@ def _undetermined_sentences(inference: Inference) -> list[str]:
         if v.identifiable and poor:
             quantities = " and ".join(name.replace("_", " ") for name in poor)
             remarks.append(
-                f"{quantities}: known to worse than a factor of e, so that the number in the model"
-                " means little; take fewer processes"
+                f"{quantities}: uncertain by more than a factor of 2.7, so the value in the"
+                " model means little; choose a model with fewer processes"
             )
     return remarks
 

@@ -28,7 +28,7 @@ from .residuals.pattern import Pattern, patterns, repeating
 from .residuals.surveys import shift_of_check_points, two_surveys
 from .solve import GROUND_CONTROL, AdjustedBlock
 from .trials import RIVAL_GAIN, Trial, trials
-from .vehicle.verdict import few_sizes, headline_words, left_out
+from .vehicle.verdict import headline_words, left_out, wrong_target_size
 
 # of chi-square, either side: one component in a thousand lies outside by chance
 BOUND_CHANCE = 0.9995
@@ -103,7 +103,7 @@ def judge_block(
     """
     file, drawn = solved.inputs.file, patterns(solved)
     beyond = [*_components(figures), *_checks(figures)]
-    beyond += [*_judge_disconnected(figures), *left_out(figures), *few_sizes(figures)]
+    beyond += [*_judge_disconnected(figures), *left_out(figures), *wrong_target_size(figures)]
     if not solved.direct:  # errors of the poses repeat from image to image
         beyond += repeating(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)

@@ -174,8 +174,8 @@ class CoordinateFrame:
         if (far > FAR_DEG or local) and not self._exchanged(x):  # which compare explains
             raise FarError(
                 f"{problem} lie outside the area of"
-                f" {self.projection.name}; give their own CRS, or what was subtracted from"
-                " them, --shift (compare: --coordinate-shift)",
+                f" {self.projection.name}; give the CRS that they are in, or what was"
+                " subtracted from them (compare: --coordinate-shift; others: --shift)",
                 numbers,
             )
         return lat, lon, h, self.projection.axes(lat, lon, h)
@@ -194,7 +194,8 @@ class CoordinateFrame:
                 raise FarError(
                     f"{path}: geocentric coordinates such as {x[0, 0]:.3f} {x[0, 1]:.3f}"
                     f" {x[0, 2]:.3f} lie {1e-3 * up:.0f} km above the ellipsoid; give what was"
-                    " subtracted from them, --shift (compare: --coordinate-shift), or their CRS",
+                    " subtracted from them (compare: --coordinate-shift; others: --shift), or the"
+                    " CRS that they are in",
                     x,
                 )
             return lat, lon, h, rotation_em(lat, lon)

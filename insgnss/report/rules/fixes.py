@@ -111,8 +111,8 @@ def covariance_resets(figures: Figures) -> Iterator[Finding]:
         instants = some((at_time(figures, time) for time in times), 5)
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
-            f"the filter lost the fixes, its covariance was reset {count} ({instants}): only later"
-            " fixes support the images there"
+            f"the filter rejected the fixes until its covariance was reset {count} ({instants}):"
+            " images at these times rely on later fixes only"
         )
         yield ranked(
             "covariance resets",

@@ -54,7 +54,7 @@ def test_outputs_of_a_table_lie_below_it_or_below_the_overview(
     for out in (f"../{over.name}/1", str(over / "1"), "away/1"):
         table = tree / "flights.csv"
         table.write_text(f"flight,out\nmay/f1,{out}\n")
-        with pytest.raises(InputError, match=r"flights\.csv:2: out '.*' is outside .*as --out"):
+        with pytest.raises(InputError, match=r"flights\.csv:2: out '.*' is outside .*set --out"):
             gather([str(table)], tree)
         (flight,) = gather([str(table)], over)
         assert flight.out == tree / out

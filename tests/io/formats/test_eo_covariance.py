@@ -127,7 +127,7 @@ def test_common_errors_are_read_by_name_where_the_file_has_them(written, tmp_pat
         ({"common": factor[:3]}, r"common: shape \(3, 6, 2\) of 9 images"),
         ({"common": large}, r"image 3\.tif shares with other images exceeds its cov6"),
         ({"common": factor * np.nan}, "is not finite"),
-        ({"segment": segment - 1}, "one segment, from 0"),
+        ({"segment": segment - 1}, "a segment number from 0"),
         ({"segment": None}, "no segment; process the flight again"),
     ):
         other = {k: v for k, v in (content | change).items() if v is not None}

@@ -139,7 +139,7 @@ def test_a_number_that_is_hardly_known_is_reported():
     )
     (remark,) = usable_axis(trusted)[1]
     assert remark.startswith(
-        "correlation time 1 and driving noise 1: known to worse than a factor of e"
+        "correlation time 1 and driving noise 1: uncertain by more than a factor of 2.7"
     )
     doubted = replace(
         inference,

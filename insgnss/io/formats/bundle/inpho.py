@@ -110,8 +110,8 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
     """
     ids = photo_ids(eo.images)
     angles = (
-        "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"
-        " up, z back) to the frame"
+        "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) rotates camera axes (x"
+        " right, y up, z back) to those of the frame"
     )
     comments = (
         comment_lines(eo, angles, "time: seconds of the GPS week, GPS time")

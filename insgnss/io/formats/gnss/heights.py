@@ -87,7 +87,7 @@ def settled_undulation(
         raise InputError.at_line(path, row, f"{problem}; {GIVE} (0 where the comment is wrong)")
     if names and _EITHER.fullmatch(names[0]):
         finding = f"the heights {quote(fields[0])} were taken as above the ellipsoid"
-        advice = "set gnss.undulation_m: 0 if they are, else the geoid's height above the ellipsoid"
+        advice = "set gnss.undulation_m: 0 if they are ellipsoidal, else the height of the geoid"
         return 0.0, (note("GNSS position", finding, "a name that states the surface", advice),)
     return 0.0, ()
 

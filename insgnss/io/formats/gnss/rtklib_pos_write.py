@@ -72,7 +72,7 @@ def write_rtklib_pos(
     """
     if fixes.gps_week is None:
         raise InputError(
-            f"{fixes.source or 'GnssFixes'}: no GPS week, which a .pos file needs; set gps_week"
+            f"{fixes.source or 'GnssFixes'}: no GPS week, but a .pos file needs one; give gps_week"
         )
     zero = np.zeros(fixes.time.size)
     quality, ns, age, ratios = (

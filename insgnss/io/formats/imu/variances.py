@@ -240,7 +240,8 @@ def _axis_name(text: str, refuse: Refusal) -> str:
     match = _AXIS.fullmatch(text.strip())
     if match is None:
         raise refuse(
-            f"axis {quote(text)}; write gyro_x, gyro_y, gyro_z, accel_x, accel_y or accel_z"
+            f"axis {quote(text)} is unknown; write gyro_x, gyro_y, gyro_z, accel_x, accel_y or"
+            " accel_z"
         )
     return f"{'gyro' if match[1].lower().startswith('g') else 'accel'}_{match[2].lower()}"
 

@@ -103,7 +103,7 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
     if (smallest <= 1e-9).any():
         row = int(np.argmin(smallest))
         raise table.error_at(
-            row, "impossible correlations: no covariance matrix has them; check them"
+            row, "the correlations give no positive definite covariance matrix; correct them"
         )
     cov = sigma[:, :, None] * correlation * sigma[:, None, :]
     if time is not None:

@@ -86,7 +86,9 @@ def superfluous(t: Tuned) -> Iterator[str]:
         smaller = replace(
             t.kept.composition, gauss_markov=t.kept.composition.gauss_markov - len(numbers)
         )
-        which = f"Gauss-Markov {', '.join(numbers)} {'is' if len(numbers) == 1 else 'are'}"
+        which = f"Gauss-Markov process {numbers[0]} is"
+        if len(numbers) > 1:
+            which = f"Gauss-Markov processes {', '.join(numbers)} are"
         yield (
             f"{which} not identifiable: {smaller} fits as well; take it, or make longer or"
             " more recordings"
@@ -209,7 +211,7 @@ def trends(
         )
     slow = [item for item in items if item not in settling]
     if slow:
-        description = "drift over the whole recording by more than the noise found explains"
+        description = "drift over the whole recording by more than the estimated noise explains"
         yield (
             f"drift: {_where(slow, recordings)} {description}: temperature, tilt, or a slow process"
             " that the model lacks"

@@ -25,6 +25,9 @@ MANY_LEFT_OUT = 0.1
 """Of the measurements of the target: gross errors of a good detector are below 2 %."""
 # times the share that was left out, for its rank: before ground control
 DISCONNECTED_VEHICLE = 10.0
+# images (1) that tell the size of a target: 5, a median of fewer may be one outlier's
+FEWEST_SIZES = 5
+SIGNIFICANT_W = 3.0  # median standardised residual of sizes (1): 3, beyond chance
 # within which exchanged axes explain a lever arm: sigmas of it, and m to which it was measured
 FRAME_SIGMAS, FRAME_M = 4.0, 0.05
 MISTAKES: dict[tuple[tuple[int, ...], tuple[float, ...]], str] = {  # by order and signs
@@ -67,8 +70,8 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
-def few_sizes(figures: Mapping[str, Any]) -> Iterator[Finding]:
-    """Say that sizes of the target are all off by one factor, where they are.
+def wrong_target_size(figures: Mapping[str, Any]) -> Iterator[Finding]:
+    """Say that the target is larger or smaller than stated, where its sizes in images agree.
 
     Parameters
     ----------
@@ -85,14 +88,14 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Finding]:
         return
     share = [p["size_residual_px"] / p["size_px"] for p in vehicle["points"] if "size_px" in p]
     size_w = [p["size_w"] for p in vehicle["points"] if "size_px" in p]
-    if len(share) < 5 or abs(np.median(size_w)) < 3.0:
+    if len(share) < FEWEST_SIZES or abs(np.median(size_w)) < SIGNIFICANT_W:
         return
-    middle = float(np.median(share))
+    percent = 100.0 * float(np.median(share))
     yield ranked(
         TARGET_SIZES,
-        float(abs(np.median(size_w))) / 3.0,
-        f"the target looks {100 * middle:+.1f} % larger than vehicle.size_m in the middle of"
-        f" {len(share)} images",
+        float(abs(np.median(size_w))) / SIGNIFICANT_W,
+        f"the target looks {abs(percent):.1f} % {'larger' if percent > 0.0 else 'smaller'} than"
+        f" vehicle.size_m, median of {len(share)} images",
         "give its diameter, or estimate it with vehicle.size_sigma_m",
     )
 
