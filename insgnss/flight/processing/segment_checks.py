@@ -209,9 +209,10 @@ def check_file_sigmas(
     if wider is None:
         return
     ratio, factor = wider
-    yield Question("sigmas of the fixes", "no larger errors than the innovations need").note(
-        "the sigmas of the file explain the innovations as white noise (NIS per degree of freedom "
-        f"{ratio:.2f}); the adopted larger errors make position sigmas {factor:.1f} times as large",
+    yield Question("sigmas of the fixes", "errors that the innovations prove").note(
+        "the flight fits the sigmas of the file as those of white noise (NIS per degree of freedom"
+        f" {ratio:.2f}) but cannot exclude slow errors; these are assumed for safety and make"
+        f" position sigmas {factor:.1f} times as large as white noise would",
         Step(
             "compare the images with check points; only where they are as good as white fixes"
             " promise, set {}",

@@ -33,6 +33,10 @@ STAYS_S, FEW_MATTER = 300.0, 0.02
 SHOWN_SHARE = 0.36
 # ranks: a contradiction that was overruled, and a result that nothing supports
 OVERRULED, RANK_UNSUPPORTED = 50.0, 1000.0
+ADVICE_ON_COMMON_ERRORS = (
+    "use the cross-covariances of eo.json in the adjustment, or in a program that takes none the"
+    " absolute sigmas, and ground control"
+)
 
 
 def consistency_verdict(consistency: Figures) -> str:
@@ -328,7 +332,10 @@ def time_correlated(figures: Figures) -> Iterator[Finding]:
             "time-correlated errors",
             max(error["share"]) + (max(error["share"]) > SHOWN_SHARE),
             text,
-            "use the cross-covariances of eo.json in the adjustment" if neighbours else "",
+            "use the cross-covariances of eo.json in the adjustment, or in a program that takes none the"
+            " absolute sigmas, and ground control"
+            if neighbours
+            else "",
         )
 
 

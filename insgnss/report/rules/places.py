@@ -179,7 +179,7 @@ def outage(figures: Figures) -> Iterator[Finding]:
     further = len(figures["outages"]) - 1
     others = f"; {further} more such {'time' if further == 1 else 'times'}" if further else ""
     rank = max(1.0, worst["horizontal_mm"] / 2**0.5 / median / OUTAGE_RATIO)
-    help_ = "turn on both sides of an outage" if worst["length_s"] > 10.0 else ""
+    help_ = "next time fly a turn before and after such a place" if worst["length_s"] > 10.0 else ""
     yield ranked("outage", rank, f"{text}: {grown}{others}", help_)
 
 
