@@ -332,10 +332,7 @@ def time_correlated(figures: Figures) -> Iterator[Finding]:
             "time-correlated errors",
             max(error["share"]) + (max(error["share"]) > SHOWN_SHARE),
             text,
-            "use the cross-covariances of eo.json in the adjustment, or in a program that takes none the"
-            " absolute sigmas, and ground control"
-            if neighbours
-            else "",
+            ADVICE_ON_COMMON_ERRORS if neighbours else "",
         )
 
 
