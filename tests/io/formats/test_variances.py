@@ -170,7 +170,7 @@ def test_json_of_allan_variances(tmp_path, page):
             ":5: the confidence interval at scale 0.02 s",
         ),
         ("tau_s,deviation\n0.01,one\n", ":5: 'one' where a finite number"),
-        ("axis,tau_s,deviation\nyaw,0.01,1\n", ":5: axis 'yaw'; write gyro_x"),
+        ("axis,tau_s,deviation\nyaw,0.01,1\n", ":5: axis 'yaw' is unknown; write gyro_x"),
     ],
 )
 def test_wrong_tables_are_refused_with_their_line(tmp_path, text, words):
