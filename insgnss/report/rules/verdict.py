@@ -122,7 +122,7 @@ def _if_usual(figures: Figures, claim: Figures) -> str:
         return ""
     north, east, down = predicted
     of_images = claim["position_mm"]["median"]
-    of_fixes = (north, east, down) if claim["axes"][0] == "N" else (east, north, down)
+    of_fixes = _in_axes(claim, north, east, down)
     with_slow = [
         math.hypot(sigma, USUAL_SHARE * math.sqrt(max(fix**2 - sigma**2, 0.0)))
         for sigma, fix in zip(of_images, of_fixes, strict=True)
@@ -152,7 +152,7 @@ def _if_slower(figures: Figures, claim: Figures) -> str:
     faster = FASTER if max(error["share"]) < HARDLY_SHOWN else 1.0
     longer = faster * SLOWEST_S / error["time_s"] - 1.0
     north, east, down = error["sigma_m"]
-    of_fixes = (north, east, down) if claim["axes"][0] == "N" else (east, north, down)
+    of_fixes = _in_axes(claim, north, east, down)
     of_images = claim["position_mm"]["median"]
     slower = [
         math.hypot(sigma, 1e3 * fix * math.sqrt(longer))
@@ -167,10 +167,15 @@ def _if_slower(figures: Figures, claim: Figures) -> str:
     )
 
 
+def _in_axes(claim: Figures, north: float, east: float, vertical: float) -> tuple[float, ...]:
+    """Return three lengths in the order of a claim's axes: N, E, D or E, N, U."""
+    return (north, east, vertical) if claim["axes"][0] == "N" else (east, north, vertical)
+
+
 def _beyond_need(figures: Figures, claim: Figures, sigma_mm: Sequence[float]) -> str:
     """Say that standard deviations in the axes of the claim, mm, are beyond the need."""
     east, north, up = figures["use"]["need_m"]
-    needed = (north, east, up) if claim["axes"][0] == "N" else (east, north, up)
+    needed = _in_axes(claim, north, east, up)
     if all(sigma <= 1e3 * need for sigma, need in zip(sigma_mm, needed, strict=True)):
         return ""
     return ", more than is needed: compare some images with check points"
